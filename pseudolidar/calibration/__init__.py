@@ -1,0 +1,1 @@
+"""From cameras to a rig that can be believed."""

@@ -1,0 +1,252 @@
+"""Errors a user can act on: what was found, where, what was wanted, what to do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+
+class PseudolidarError(Exception):
+    """Base of all errors this package raises on purpose.
+
+    Args:
+        got: what was found, in words or as a value.
+        want: what was expected.
+        fix: what the user can do about it.
+        path: file or folder concerned.
+        where: place in it: a line, byte offset, field or frame.
+
+    `code` is the class name, a stable identifier; `exit_code` is the process status the command
+    line ends with.
+    """
+
+    exit_code: ClassVar[int] = 3
+
+    def __init__(
+        self,
+        got: str,
+        *,
+        want: str = "",
+        fix: str = "",
+        path: str | Path | None = None,
+        where: str = "",
+    ) -> None:
+        super().__init__(got)
+        self.got, self.want, self.fix, self.where = got, want, fix, where
+        self.path = None if path is None else str(path)
+
+    @property
+    def code(self) -> str:
+        """Stable identifier of the kind of error."""
+        return type(self).__name__
+
+    def located(self, path: str | Path, where: str = "") -> Self:
+        """The same error with the file (and place) filled in where it was not known yet."""
+        if self.path is None:
+            self.path = str(path)
+        self.where = self.where or where
+        return self
+
+    def as_dict(self) -> dict[str, Any]:
+        """The fields of the `--json` error object."""
+        fields = ("path", "where", "got", "want", "fix", "code", "exit_code")
+        return {name: getattr(self, name) for name in fields}
+
+    def __str__(self) -> str:
+        place = ": ".join(printable(part) for part in (self.path, self.where) if part)
+        text = f"{self.code}: " + (f"{place}: " if place else "") + self.got
+        if self.want:
+            text += f"; wanted {self.want}"
+        return text + (f". {self.fix}" if self.fix else "")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuild, (type(self), self.got, self.want, self.fix, self.path, self.where)
+
+
+def _rebuild(
+    kind: type[PseudolidarError], got: str, want: str, fix: str, path: str | None, where: str
+) -> PseudolidarError:
+    return kind(got, want=want, fix=fix, path=path, where=where)
+
+
+def printable(text: str) -> str:
+    """Text safe to print on one line: control characters and undecodable bytes escaped."""
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in text
+    )
+
+
+# --- usage (2) -----------------------------------------------------------------------------
+
+
+class UsageError(PseudolidarError):
+    """The command was called in a way that cannot be meant."""
+
+    exit_code = 2
+
+
+class OutputSettings(UsageError):
+    """The output folder holds a run with other settings or of another version."""
+
+
+# --- input refused (3) ---------------------------------------------------------------------
+
+
+class LimitError(PseudolidarError):
+    """An input claims to be larger than the configured cap."""
+
+
+class ImageMissing(PseudolidarError):
+    """An image file that the sequence names is not there."""
+
+
+class ImageUnreadable(PseudolidarError):
+    """An image file cannot be decoded."""
+
+
+class ImageTruncated(ImageUnreadable):
+    """An image file ends early; a decoder would invent its lower part."""
+
+
+class ImageFormat(PseudolidarError):
+    """An image has a pixel layout that has no meaning here."""
+
+
+class PairMismatch(PseudolidarError):
+    """Left and right images differ in size or depth."""
+
+
+class PairIdentical(PseudolidarError):
+    """Left and right are the same image."""
+
+
+class PairSwapped(PseudolidarError):
+    """Left and right are exchanged."""
+
+
+class NotRectified(PseudolidarError):
+    """Rows of the pair are not aligned."""
+
+
+class LowTexture(PseudolidarError):
+    """Almost no pixel of the pair can be matched."""
+
+
+class StereoConfig(PseudolidarError):
+    """A matcher setting is outside its legal values."""
+
+
+class CalibrationMissing(PseudolidarError):
+    """A source has no calibration."""
+
+
+class CalibrationField(PseudolidarError):
+    """A calibration file lacks a field, or holds it twice."""
+
+
+class CalibrationSyntax(PseudolidarError):
+    """A calibration file cannot be parsed: wrong count or form of numbers."""
+
+
+class CalibrationValue(PseudolidarError):
+    """A calibration value is impossible."""
+
+
+class CalibrationSizeMismatch(PseudolidarError):
+    """Images have another size than the calibration is for."""
+
+
+class PointFileMissing(PseudolidarError):
+    """A point file is not there."""
+
+
+class PointFileTruncated(PseudolidarError):
+    """A point file holds fewer bytes than it claims, or a fraction of a point."""
+
+
+class PointFileCorrupt(PseudolidarError):
+    """A point file contradicts itself."""
+
+
+class PointFileHeader(PointFileCorrupt):
+    """A point file's header is not legal."""
+
+
+class PointFileField(PseudolidarError):
+    """A point file lacks x, y or z."""
+
+
+class LabelError(PseudolidarError):
+    """A label file line is not legal."""
+
+
+class PoseFileError(PseudolidarError):
+    """A pose file row is not a rigid transform, or rows are missing."""
+
+
+class SequenceTime(PseudolidarError):
+    """Time stamps are not increasing or not plausible."""
+
+
+class SourceUnknown(PseudolidarError):
+    """What a path is could not be recognised."""
+
+
+class SourceEmpty(PseudolidarError):
+    """A source has no usable frame."""
+
+
+class RecordingError(PseudolidarError):
+    """A recording (MCAP) is broken or contradicts itself."""
+
+
+class ReferenceMissing(PseudolidarError):
+    """An evaluation was asked for where there is no ground truth."""
+
+
+class TooManyBadFrames(PseudolidarError):
+    """So many frames failed that the run stopped."""
+
+
+class FrameError(PseudolidarError):
+    """Wrapper: an unexpected failure while one frame was processed."""
+
+
+class StructureError(PseudolidarError):
+    """An array or value handed to a noun has the wrong shape, dtype or meaning."""
+
+
+# --- environment (5) -----------------------------------------------------------------------
+
+
+class EnvironmentFault(PseudolidarError):
+    """The environment stopped the run; it can be resumed."""
+
+    exit_code = 5
+
+
+class OutputError(EnvironmentFault):
+    """Writing failed: disk full, read-only, no permission."""
+
+
+class OutputLocked(EnvironmentFault):
+    """Another run is writing to the same folder."""
+
+
+class MissingDependency(EnvironmentFault):
+    """A library or system component is absent or does not load."""
+
+
+# --- workers (6) ---------------------------------------------------------------------------
+
+
+class WorkerLost(PseudolidarError):
+    """A worker died and its retries were used up."""
+
+    exit_code = 6
+
+
+class Interrupted(PseudolidarError):
+    """The run was interrupted by a signal; it can be resumed."""
+
+    exit_code = 130

@@ -1,0 +1,1 @@
+"""How wrong it is, measured against a reference."""

@@ -1,0 +1,1 @@
+"""Bytes to nouns and back; read_x beside write_x, one format a file."""

@@ -1,0 +1,84 @@
+"""The one write path: a file appears whole under its name, or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import secrets
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from pseudolidar.errors import OutputError
+
+TEMPORARY_SUFFIX = ".tmp"
+
+
+def write_atomic(path: Path, data: bytes | memoryview) -> None:
+    """Write `data` to `path`: temporary file, flush, fsync, check size, rename, fsync folder.
+
+    Raises:
+        OutputError: disk full, no permission, read-only; nothing is left under `path` or beside it.
+    """
+    with atomic_file(path, expected_bytes=len(data)) as file:
+        file.write(data)
+
+
+@contextlib.contextmanager
+def atomic_file(path: Path, *, expected_bytes: int | None = None) -> Iterator[BinaryIO]:
+    """Open a file for writing that takes its name only when the block ends without an error.
+
+    Args:
+        path: final name; its folder is made.
+        expected_bytes: size that the file must have at the end, checked before the rename.
+
+    Raises:
+        OutputError: disk full, no permission, read-only; nothing is left under `path` or beside it.
+    """
+    temporary = path.with_name(f"{path.name[:200]}.{secrets.token_hex(4)}{TEMPORARY_SUFFIX}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with temporary.open("xb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        size = temporary.stat().st_size
+        if expected_bytes is not None and size != expected_bytes:
+            raise OSError(errno.EIO, f"{size} of {expected_bytes} bytes written")
+        temporary.replace(path)
+        fsync_folder(path.parent)
+    except OSError as error:
+        raise output_error(path, error, expected_bytes) from error
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def fsync_folder(folder: Path) -> None:
+    """Make renames in `folder` durable."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def free_bytes(folder: Path) -> int:
+    """Free disk space where `folder` is or will be made."""
+    while not folder.exists():
+        folder = folder.parent
+    return shutil.disk_usage(folder).free
+
+
+def output_error(path: Path, error: OSError, needed_bytes: int | None = None) -> OutputError:
+    """What a failed write means to the user."""
+    want, fix = "a writable folder", "Choose another output folder."
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        with contextlib.suppress(OSError):
+            want = f"{needed_bytes or 'more'} bytes; {free_bytes(path.parent)} are free"
+        fix = "Free some space and run the same command again: it continues where it stopped."
+    elif error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        fix = "Change its permissions or choose another output folder."
+    return OutputError(error.strerror or str(error), want=want, fix=fix, path=path)

@@ -1,0 +1,1 @@
+"""Ordered, bounded, resumable, parallel execution of pipelines."""

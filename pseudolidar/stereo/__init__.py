@@ -1,0 +1,1 @@
+"""A rectified pair to disparity, disparity to points, each with its uncertainty."""

@@ -1,0 +1,1 @@
+"""The nouns: frozen, checked at the door, without I/O and without drawing."""

@@ -1,0 +1,94 @@
+"""The point cloud: aligned columns in one checked object."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pseudolidar.errors import StructureError
+from pseudolidar.structures.arrays import AnyArray, Bool, Float32, Int64, UInt8, check_array
+from pseudolidar.structures.pose import Pose
+
+XYZ = (np.float32, np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """Points with their columns; all columns have the same length and order.
+
+    Args:
+        xyz: (N, 3) float32 m (float64 for geo-referenced clouds); rows are NaN only in
+            organised clouds.
+        frame: coordinate frame.
+        timestamp_ns: time of the picture or scan.
+        rgb: (N, 3) uint8.
+        intensity: (N,) float32, 0-1; None where unknown (a pseudo-LiDAR has no reflectance).
+        sigma_m: (N,) float32, one standard deviation (68 %) along the ray, metres.
+        uv: (N, 2) float32, source pixel (x right, y down).
+        extra: further columns by name, each (N,).
+        shape: (rows, columns) of an organised cloud, N = rows * columns; None otherwise.
+    """
+
+    xyz: AnyArray
+    frame: str
+    timestamp_ns: int = 0
+    rgb: UInt8 | None = None
+    intensity: Float32 | None = None
+    sigma_m: Float32 | None = None
+    uv: Float32 | None = None
+    extra: Mapping[str, AnyArray] = field(default_factory=dict)
+    shape: tuple[int, int] | None = None
+
+    def __post_init__(self) -> None:
+        check_array("PointCloud", "xyz", self.xyz, (None, 3), *XYZ)
+        n = len(self.xyz)
+        if self.rgb is not None:
+            check_array("PointCloud", "rgb", self.rgb, (n, 3), np.uint8)
+        for name in ("intensity", "sigma_m"):
+            column = getattr(self, name)
+            if column is not None:
+                check_array("PointCloud", name, column, (n,), np.float32)
+        if self.uv is not None:
+            check_array("PointCloud", "uv", self.uv, (n, 2), np.float32)
+        for name, column in self.extra.items():
+            if column.shape[:1] != (n,):
+                raise StructureError(
+                    f"{len(column)} values", want=str(n), where=f"PointCloud.extra[{name!r}]"
+                )
+        if self.shape is not None and self.shape[0] * self.shape[1] != n:
+            raise StructureError(f"{n} points", want=f"{self.shape}", where="PointCloud.shape")
+
+    def __len__(self) -> int:
+        return len(self.xyz)
+
+    def __getitem__(self, index: Bool | Int64 | slice) -> PointCloud:
+        """The chosen points with all their columns; the result is not organised."""
+
+        def take(column: AnyArray | None) -> AnyArray | None:
+            return None if column is None else column[index]
+
+        return replace(
+            self,
+            xyz=self.xyz[index],
+            rgb=take(self.rgb),
+            intensity=take(self.intensity),
+            sigma_m=take(self.sigma_m),
+            uv=take(self.uv),
+            extra={name: column[index] for name, column in self.extra.items()},
+            shape=None,
+        )
+
+    @property
+    def valid(self) -> Bool:
+        """(N,) points whose coordinates are finite."""
+        return np.asarray(np.isfinite(self.xyz).all(axis=1))
+
+    def transformed(self, T_dst_frame: Pose) -> PointCloud:
+        """The cloud in frame `T_dst_frame.dst`; sigma is along the ray and stays."""
+        if T_dst_frame.src != self.frame:
+            raise StructureError(
+                f"a cloud in {self.frame!r}", want=f"one in {T_dst_frame.src!r}", where="PointCloud"
+            )
+        return replace(self, xyz=T_dst_frame.apply(self.xyz), frame=T_dst_frame.dst)

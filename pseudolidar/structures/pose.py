@@ -1,0 +1,110 @@
+"""Rigid transforms between named frames, and trajectories of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self, TypeVar, cast
+
+import numpy as np
+
+from pseudolidar.errors import StructureError
+from pseudolidar.structures.arrays import AnyArray, Float64, Int64, check_array
+
+# A rotation read from a text file with 6-7 digits is orthonormal to about 1e-6; beyond 1e-3 it is
+# none.
+ROTATION_TOLERANCE = 1e-3
+
+AnyPoints = TypeVar("AnyPoints", bound=AnyArray)
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """`T_dst_src`: maps points of frame `src` to frame `dst`, `p_dst = T_dst_src @ p_src`.
+
+    Args:
+        dst: name of the frame that points are mapped to.
+        src: name of the frame that points come from.
+        matrix: (4, 4) float64, rigid, translation in metres.
+    """
+
+    dst: str
+    src: str
+    matrix: Float64
+
+    def __post_init__(self) -> None:
+        check_array("Pose", "matrix", self.matrix, (4, 4), np.float64)
+        error = rotation_error(self.matrix[:3, :3])
+        if not error <= ROTATION_TOLERANCE or not np.array_equal(self.matrix[3], (0, 0, 0, 1)):
+            raise StructureError(
+                f"T_{self.dst}_{self.src} is not rigid (orthonormality error {error:.2g})",
+                want=f"a rotation to {ROTATION_TOLERANCE:g} and last row 0 0 0 1",
+                where="Pose.matrix",
+            )
+
+    @classmethod
+    def identity(cls, dst: str, src: str) -> Self:
+        """Frames `dst` and `src` coincide."""
+        return cls(dst, src, np.eye(4))
+
+    @classmethod
+    def from_rotation(cls, dst: str, src: str, R: Float64, t_m: Float64) -> Self:
+        """Pose from a (3, 3) rotation and a (3,) translation in metres."""
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = R, t_m
+        return cls(dst, src, matrix)
+
+    def __matmul__(self, other: Pose) -> Pose:
+        """Chain: `T_a_b @ T_b_c = T_a_c`; frames are checked."""
+        if self.src != other.dst:
+            raise StructureError(
+                f"T_{self.dst}_{self.src} @ T_{other.dst}_{other.src}",
+                want=f"the second pose to map into {self.src!r}",
+                where="Pose",
+            )
+        return Pose(self.dst, other.src, self.matrix @ other.matrix)
+
+    def inverse(self) -> Pose:
+        """`T_src_dst`."""
+        R, t = self.matrix[:3, :3], self.matrix[:3, 3]
+        return Pose.from_rotation(self.src, self.dst, R.T, -R.T @ t)
+
+    def apply(self, points: AnyPoints) -> AnyPoints:
+        """Map (N, 3) points of `src` to `dst`, keeping their dtype."""
+        R = self.matrix[:3, :3].astype(points.dtype)
+        return cast("AnyPoints", points @ R.T + self.matrix[:3, 3].astype(points.dtype))
+
+    @property
+    def translation_m(self) -> Float64:
+        """(3,) origin of `src` in `dst`, metres."""
+        return self.matrix[:3, 3].copy()
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Poses of a body over time.
+
+    Args:
+        timestamps_ns: (N,) int64, strictly increasing.
+        T_world_body: (N, 4, 4) float64, metres.
+    """
+
+    timestamps_ns: Int64
+    T_world_body: Float64
+
+    def __post_init__(self) -> None:
+        check_array("Trajectory", "timestamps_ns", self.timestamps_ns, (None,), np.int64)
+        n = len(self.timestamps_ns)
+        check_array("Trajectory", "T_world_body", self.T_world_body, (n, 4, 4), np.float64)
+        if np.any(np.diff(self.timestamps_ns) <= 0):
+            raise StructureError(
+                "time stamps that do not increase", where="Trajectory.timestamps_ns"
+            )
+
+    def __len__(self) -> int:
+        return len(self.timestamps_ns)
+
+
+def rotation_error(R: Float64) -> float:
+    """Largest deviation of `R` (3, 3) from a rotation: of `R R^T` from I, of det from 1."""
+    orthonormality = np.abs(R @ R.T - np.eye(3)).max()
+    return float(max(orthonormality, abs(np.linalg.det(R) - 1.0)))
