@@ -80,6 +80,8 @@ class Label:
         occlusion: KITTI's 0-3, or None.
         ignore: regions that an evaluation must leave out.
         track_id: identity over time where the data set has it.
+        alpha_rad: observation angle as annotated (KITTI); it is rounded, so not derived from the
+            box.
     """
 
     detection: Detection
@@ -88,6 +90,7 @@ class Label:
     occlusion: int | None = None
     ignore: bool = False
     track_id: int | None = None
+    alpha_rad: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
