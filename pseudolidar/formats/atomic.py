@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import io
 import os
+import re
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import BinaryIO
 
 from pseudolidar.errors import OutputError
 
 TEMPORARY_SUFFIX = ".tmp"
+_TEMPORARY_NAME = re.compile(r"\.[0-9a-f]{8}\.tmp$")
 
 
 def write_atomic(path: Path, data: bytes | memoryview) -> None:
@@ -37,7 +40,7 @@ def atomic_file(path: Path, *, expected_bytes: int | None = None) -> Iterator[Bi
     Raises:
         OutputError: disk full, no permission, read-only; nothing is left under `path` or beside it.
     """
-    temporary = path.with_name(f"{path.name[:200]}.{secrets.token_hex(4)}{TEMPORARY_SUFFIX}")
+    temporary = temporary_beside(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with temporary.open("xb") as file:
@@ -54,6 +57,57 @@ def atomic_file(path: Path, *, expected_bytes: int | None = None) -> Iterator[Bi
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def write_group(files: Mapping[Path, bytes]) -> None:
+    """Write files that belong together: when this returns, all are durable under their names.
+
+    All bytes are handed to the system before the first fsync, so that the disk works on the whole
+    group at once, and each folder is synchronised once. Names are taken only when every file is
+    whole: a full disk leaves none of them.
+
+    Raises:
+        OutputError: disk full, no permission, read-only; nothing is left under any name or beside.
+    """
+    temporaries = {path: temporary_beside(path) for path in files}
+    path = Path()
+    try:
+        with contextlib.ExitStack() as opened:
+            descriptors = []
+            for path, data in files.items():
+                path.parent.mkdir(parents=True, exist_ok=True)
+                file = opened.enter_context(temporaries[path].open("xb", buffering=0))
+                _write_all(file, data)
+                descriptors.append(file.fileno())
+            for descriptor in descriptors:
+                os.fsync(descriptor)
+        for path, temporary in temporaries.items():
+            temporary.replace(path)
+        for folder in {path.parent for path in files}:
+            fsync_folder(folder)
+    except OSError as error:
+        raise output_error(path, error, sum(map(len, files.values()))) from error
+    finally:
+        for temporary in temporaries.values():
+            with contextlib.suppress(OSError):
+                temporary.unlink(missing_ok=True)
+
+
+def _write_all(file: io.RawIOBase | BinaryIO, data: bytes) -> None:
+    view = memoryview(data)
+    while view:
+        # A raw write may take a part only; a disk that is full then fails on the next one.
+        view = view[file.write(view) or 0 :]
+
+
+def temporary_beside(path: Path) -> Path:
+    """A new temporary name in the folder of `path`."""
+    return path.with_name(f"{path.name[:200]}.{secrets.token_hex(4)}{TEMPORARY_SUFFIX}")
+
+
+def is_temporary(name: str) -> bool:
+    """Whether a file name is one that an interrupted write left behind."""
+    return bool(_TEMPORARY_NAME.search(name))
 
 
 def fsync_folder(folder: Path) -> None:

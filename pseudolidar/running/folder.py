@@ -1,0 +1,108 @@
+"""The output folder of one run: usable, ours alone, and free of leftovers."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import socket
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path, PurePosixPath
+
+from pseudolidar.errors import OutputError, OutputLocked
+from pseudolidar.formats.atomic import is_temporary, output_error, write_atomic
+
+LOCK_NAME = ".lock"
+PROBE_NAME = ".writable"
+
+
+@contextlib.contextmanager
+def own_folder(folder: Path) -> Iterator[None]:
+    """Make `folder`, prove that it can be written to, and keep every other run out of it.
+
+    The lock is `flock`'s: it is released when the process dies, however it dies. It works between
+    processes of one host.
+
+    Raises:
+        OutputError: the folder cannot be made or written to.
+        OutputLocked: another run is writing to it.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise output_error(folder, error) from error
+    with _locked(folder / LOCK_NAME):
+        write_atomic(folder / PROBE_NAME, b"")
+        (folder / PROBE_NAME).unlink()
+        remove_leftovers(folder)
+        yield
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Delete what interrupted writes left in `folder` and the folders in it."""
+    for place in (folder, *(entry for entry in folder.iterdir() if entry.is_dir())):
+        for entry in place.iterdir():
+            if is_temporary(entry.name):
+                entry.unlink(missing_ok=True)
+
+
+def inside(folder: Path, name: str) -> Path:
+    """Path of the output `name` (with /), which must stay in `folder`.
+
+    Raises:
+        OutputError: the name is absolute, climbs out, or is not one.
+    """
+    parts = PurePosixPath(name).parts
+    if not parts or name.startswith("/") or ".." in parts or "\0" in name:
+        raise OutputError(f"output name {name!r}", want="a name inside the folder", path=folder)
+    return folder.joinpath(*parts)
+
+
+@contextlib.contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    descriptor = _lock(path)
+    try:
+        owner = {"pid": os.getpid(), "host": socket.gethostname(), "since": _now()}
+        os.ftruncate(descriptor, 0)
+        os.pwrite(descriptor, json.dumps(owner).encode(), 0)
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            path.unlink(missing_ok=True)
+        os.close(descriptor)
+
+
+def _lock(path: Path) -> int:
+    while True:
+        try:
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise output_error(path, error) from error
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            os.close(descriptor)
+            raise _taken(path) from error
+        # The run before may have removed the file between our opening and our locking it.
+        with contextlib.suppress(FileNotFoundError):
+            if path.stat().st_ino == os.fstat(descriptor).st_ino:
+                return descriptor
+        os.close(descriptor)
+
+
+def _taken(path: Path) -> OutputLocked:
+    owner = {"pid": "?", "host": "?", "since": "?"}
+    with contextlib.suppress(OSError, ValueError):
+        owner |= json.loads(path.read_text())
+    return OutputLocked(
+        f"process {owner['pid']} on {owner['host']} has been writing here since {owner['since']}",
+        want="one run on a folder",
+        fix="Wait for it, end it, or choose another output folder.",
+        path=path.parent,
+    )
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")

@@ -1,0 +1,80 @@
+"""What a run tells while it works, on standard error; the bar only where a person looks at it."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+from pseudolidar.errors import printable
+
+
+def say(line: str) -> None:
+    """Tell one line about the run; standard output is left to results."""
+    console = Console(stderr=True, highlight=False, markup=False)
+    console.print(printable(line), soft_wrap=True)
+
+
+class FrameProgress:
+    """A bar with frames, rate, time left and skipped frames; nothing where nobody looks.
+
+    Args:
+        total: frames of the run.
+        done: frames that an earlier run has committed.
+    """
+
+    def __init__(self, total: int, *, done: int = 0) -> None:
+        console = Console(stderr=True)
+        self._skipped = 0
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            _Rate(),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[skipped]}"),
+            console=console,
+            disable=not console.is_terminal,
+            transient=True,
+        )
+        self._task = self._progress.add_task("frames", total=total, completed=done, skipped="")
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._progress.stop()
+
+    def advance(self) -> None:
+        """One more frame is committed."""
+        self._progress.advance(self._task)
+
+    def skip(self) -> None:
+        """One more frame is skipped."""
+        self._skipped += 1
+        self._progress.update(self._task, advance=1, skipped=f"{self._skipped} skipped")
+
+
+class _Rate(ProgressColumn):
+    """Frames per second of this run."""
+
+    def render(self, task: Task) -> Text:
+        """`12.3/s`, or nothing before it is known."""
+        return Text(f"{task.speed:.1f}/s" if task.speed else "")

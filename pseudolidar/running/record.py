@@ -1,0 +1,99 @@
+"""What the journal knows about a frame: its files, its figures, or why it was skipped."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+from pseudolidar.running.folder import inside
+from pseudolidar.running.stream import Skipped
+
+
+@dataclass(frozen=True, eq=False)
+class OutputFile:
+    """A file of a frame before it is written, hashed where it was made: in the worker.
+
+    Args:
+        name: place in the output folder, with /.
+        data: all its bytes.
+        sha256: of the data, hexadecimal.
+    """
+
+    name: str
+    data: bytes
+    sha256: str
+
+    @classmethod
+    def of(cls, name: str, data: bytes) -> Self:
+        """The file with its hash."""
+        return cls(name, data, hashlib.sha256(data).hexdigest())
+
+
+@dataclass(frozen=True)
+class FileRecord:
+    """A file that was committed.
+
+    Args:
+        name: place in the output folder, with /.
+        size: bytes.
+        sha256: hexadecimal.
+    """
+
+    name: str
+    size: int
+    sha256: str
+
+    def is_whole(self, folder: Path) -> bool:
+        """Whether the file in `folder` is still the one that was committed."""
+        path = inside(folder, self.name)
+        try:
+            return path.stat().st_size == self.size and sha256_of(path) == self.sha256
+        except OSError:
+            return False
+
+
+@dataclass(frozen=True)
+class FrameRecord:
+    """A frame that is done with.
+
+    Args:
+        id: the source's name of the frame.
+        index: its position in the source; None for one that never had a pair.
+        files: what was committed for it.
+        figures: its statistics, plain JSON values.
+        skipped: the error's fields, where it was skipped; None otherwise.
+    """
+
+    id: str
+    index: int | None
+    files: tuple[FileRecord, ...] = ()
+    figures: dict[str, Any] = field(default_factory=dict)
+    skipped: dict[str, Any] | None = None
+
+    @classmethod
+    def of_skipped(cls, frame: Skipped) -> Self:
+        """Record of a frame that did not pass."""
+        trace = {"trace": frame.trace} if frame.trace else {}
+        return cls(frame.id, frame.index, skipped=frame.error.as_dict() | trace)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> Self:
+        """From what `as_dict` gave.
+
+        Raises:
+            KeyError, TypeError, ValueError: it is something else.
+        """
+        files = tuple(FileRecord(**file) for file in data["files"])
+        return cls(data["id"], data["index"], files, dict(data["figures"]), data["skipped"])
+
+
+def sha256_of(path: Path) -> str:
+    """Hash of a file, hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
