@@ -48,16 +48,21 @@ def remove_leftovers(folder: Path) -> None:
                 entry.unlink(missing_ok=True)
 
 
+def stays_inside(name: str) -> bool:
+    """Whether an output name (with /) means a file in the output folder."""
+    parts = PurePosixPath(name).parts
+    return bool(parts) and not name.startswith("/") and ".." not in parts and "\0" not in name
+
+
 def inside(folder: Path, name: str) -> Path:
-    """Path of the output `name` (with /), which must stay in `folder`.
+    """Path of the output `name` (with /) in `folder`.
 
     Raises:
-        OutputError: the name is absolute, climbs out, or is not one.
+        OutputError: the name is absolute, climbs out, or is none.
     """
-    parts = PurePosixPath(name).parts
-    if not parts or name.startswith("/") or ".." in parts or "\0" in name:
+    if not stays_inside(name):
         raise OutputError(f"output name {name!r}", want="a name inside the folder", path=folder)
-    return folder.joinpath(*parts)
+    return folder / name
 
 
 @contextlib.contextmanager

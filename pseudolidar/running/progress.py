@@ -1,4 +1,4 @@
-"""What a run tells while it works, on standard error; the bar only where a person looks at it."""
+"""The bar of a run, on standard error, and only where a person looks at it."""
 
 from __future__ import annotations
 
@@ -16,14 +16,6 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.text import Text
-
-from pseudolidar.errors import printable
-
-
-def say(line: str) -> None:
-    """Tell one line about the run; standard output is left to results."""
-    console = Console(stderr=True, highlight=False, markup=False)
-    console.print(printable(line), soft_wrap=True)
 
 
 class FrameProgress:

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
-from pseudolidar.running.folder import inside
+from pseudolidar.running.folder import inside, stays_inside
 from pseudolidar.running.stream import Skipped
 
 
@@ -39,11 +39,18 @@ class FileRecord:
         name: place in the output folder, with /.
         size: bytes.
         sha256: hexadecimal.
+
+    Raises:
+        ValueError: the name leaves the output folder.
     """
 
     name: str
     size: int
     sha256: str
+
+    def __post_init__(self) -> None:
+        if not stays_inside(self.name):  # a journal is a file like any other: not to be trusted
+            raise ValueError(f"{self.name!r} is not inside the folder")
 
     def is_whole(self, folder: Path) -> bool:
         """Whether the file in `folder` is still the one that was committed."""

@@ -1,0 +1,61 @@
+import os
+import signal
+import threading
+
+import pytest
+
+from pseudolidar.running.signals import Stopped, StopSignals
+
+
+def send(number):
+    os.kill(os.getpid(), number)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_raises_with_its_exit_code(number, code):
+    with pytest.raises(Stopped) as caught, StopSignals():
+        send(number)
+    assert caught.value.exit_code == code
+
+
+def test_a_held_block_is_finished_first():
+    finished = False
+    with pytest.raises(Stopped), StopSignals() as signals:
+        with signals.held():
+            send(signal.SIGINT)
+            finished = True
+        pytest.fail("the signal was lost")
+    assert finished
+
+
+def test_a_second_signal_does_not_wait():
+    with pytest.raises(Stopped), StopSignals() as signals, signals.held():
+        send(signal.SIGTERM)
+        send(signal.SIGTERM)
+        pytest.fail("the second signal waited")
+
+
+def test_an_error_in_a_held_block_is_not_hidden():
+    with pytest.raises(OSError, match="full"), StopSignals() as signals, signals.held():
+        send(signal.SIGINT)
+        raise OSError("full")
+
+
+def test_handlers_are_put_back():
+    before = signal.getsignal(signal.SIGINT)
+    with StopSignals():
+        assert signal.getsignal(signal.SIGINT) != before
+    assert signal.getsignal(signal.SIGINT) == before
+
+
+def test_other_threads_may_use_it():
+    entered = []
+
+    def use():
+        with StopSignals():
+            entered.append(True)
+
+    thread = threading.Thread(target=use)
+    thread.start()
+    thread.join()
+    assert entered
