@@ -1,0 +1,165 @@
+"""Clouds as NumPy archives: one array a column, under the noun's own names."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pseudolidar.errors import (
+    LimitError,
+    PointFileCorrupt,
+    PointFileField,
+    PointFileTruncated,
+    PseudolidarError,
+    StructureError,
+)
+from pseudolidar.formats.atomic import write_atomic
+from pseudolidar.formats.columns import UNKNOWN_FRAME, check_extras
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.point_file import (
+    check_point_limit,
+    read_point_bytes,
+    refuse_other_content,
+)
+from pseudolidar.structures.arrays import AnyArray
+from pseudolidar.structures.cloud import PointCloud
+
+# Compressed archives of others are believed up to this ratio; ours are not compressed.
+LARGEST_EXPANSION = 100
+_FACTS = ("frame", "timestamp_ns", "shape")
+_COLUMNS = ("xyz", "rgb", "intensity", "sigma_m", "uv")
+_SUFFIX = ".npy"
+# Fixed time of every member, so that the same cloud gives the same bytes; the oldest of ZIP.
+_MEMBER_TIME = (1980, 1, 1, 0, 0, 0)
+_LONGEST_ARRAY_HEADER = 10_000  # characters, NumPy's own cap
+_BROKEN = (zipfile.BadZipFile, zlib.error, EOFError, ValueError, OSError, RuntimeError, KeyError)
+
+
+def write_npz(path: Path, cloud: PointCloud) -> None:
+    """Write a cloud with all its columns; `numpy.load` reads it without pickle.
+
+    Raises:
+        StructureError: an extra column that is not numbers, or has a taken name.
+        OutputError: the file cannot be written.
+    """
+    write_atomic(path, encode_npz(cloud))
+
+
+def read_npz(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:
+    """Read an archive with at least `xyz` (N, 3); further arrays of length N are columns.
+
+    Pickled objects are never loaded.
+
+    Raises:
+        PointFileMissing, PointFileTruncated, PointFileCorrupt, PointFileField, LimitError: with
+        the array concerned.
+    """
+    try:
+        return decode_npz(read_point_bytes(path), limits=limits)
+    except PseudolidarError as error:
+        raise error.located(path) from error.__cause__
+
+
+def encode_npz(cloud: PointCloud) -> bytes:
+    """The bytes of an uncompressed archive.
+
+    Raises:
+        StructureError: an extra column that is not numbers, or has a taken name.
+    """
+    check_extras(cloud)
+    taken = [name for name in cloud.extra if name in _FACTS]
+    if taken:
+        raise StructureError(f"extra column {taken[0]!r}", want="another name", where="PointCloud")
+    own = {name: getattr(cloud, name) for name in _COLUMNS if getattr(cloud, name) is not None}
+    arrays: dict[str, AnyArray] = {
+        **own,
+        **cloud.extra,
+        "frame": np.array(cloud.frame),
+        "timestamp_ns": np.array(cloud.timestamp_ns, np.int64),
+    }
+    if cloud.shape is not None:
+        arrays["shape"] = np.array(cloud.shape, np.int64)
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED, allowZip64=True) as archive:
+        for name, array in arrays.items():
+            member = zipfile.ZipInfo(name + _SUFFIX, _MEMBER_TIME)
+            with archive.open(member, "w", force_zip64=True) as file:
+                np.lib.format.write_array(file, np.ascontiguousarray(array), allow_pickle=False)
+    return buffer.getvalue()
+
+
+def decode_npz(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:
+    """The cloud in the bytes of an archive; errors as in `read_npz`."""
+    refuse_other_content(data, want="NPZ", kinds=("ZIP archive",))
+    arrays = _arrays(data, limits)
+    if "xyz" not in arrays:
+        raise PointFileField(f"arrays {', '.join(arrays)[:200] or 'none'}", want="xyz (N, 3)")
+    frame, timestamp_ns, shape = (_fact(arrays, name) for name in _FACTS)
+    own = {name: arrays.pop(name) for name in _COLUMNS if name in arrays}
+    wrong = [name for name, array in arrays.items() if array.ndim != 1 or array.dtype.kind == "U"]
+    if wrong:
+        raise PointFileCorrupt(f"array {wrong[0]!r} of shape {arrays[wrong[0]].shape}", want="(N,)")
+    try:
+        return PointCloud(
+            frame=UNKNOWN_FRAME if frame is None else str(frame),
+            timestamp_ns=int(timestamp_ns or 0),
+            shape=None if shape is None else (int(shape[0]), int(shape[1])),
+            extra=arrays,
+            **own,
+        )
+    except StructureError as error:
+        raise PointFileCorrupt(error.got, want=error.want, where=error.where) from error
+    except (ValueError, TypeError, IndexError) as error:
+        raise PointFileCorrupt("frame, time or shape of a wrong kind") from error
+
+
+def _fact(arrays: dict[str, AnyArray], name: str) -> Any:
+    return arrays.pop(name).tolist() if name in arrays else None
+
+
+def _arrays(data: bytes, limits: Limits) -> dict[str, AnyArray]:
+    try:
+        archive = zipfile.ZipFile(io.BytesIO(data))
+    except _BROKEN as error:
+        raise PointFileTruncated(
+            f"{len(data)} bytes without an archive's end",
+            want="a complete NPZ",
+            fix="Copy or make the file again: it ends early.",
+            where=f"byte {len(data)}",
+        ) from error
+    with archive:
+        members = archive.infolist()
+        claimed = sum(member.file_size for member in members)
+        if claimed > len(data) * LARGEST_EXPANSION:
+            raise LimitError(
+                f"{claimed} bytes claimed by an archive of {len(data)}",
+                want=f"at most {LARGEST_EXPANSION} times its size",
+            )
+        return {m.filename.removesuffix(_SUFFIX): _array(archive, m, limits) for m in members}
+
+
+def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, limits: Limits) -> AnyArray:
+    where = f"array {member.filename[:80]!r}"
+    try:
+        with archive.open(member) as file:
+            version = np.lib.format.read_magic(file)
+            read = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
+            shape, fortran, dtype = read[version[0]](file, _LONGEST_ARRAY_HEADER)
+            body = file.read()
+    except (*_BROKEN, NotImplementedError) as error:
+        raise PointFileCorrupt(
+            "a damaged member", want="a NumPy array", fix="Make the file again.", where=where
+        ) from error
+    if dtype.hasobject or dtype.kind not in "biufU" or fortran:
+        raise PointFileCorrupt(f"{dtype} values", want="plain numbers, row by row", where=where)
+    check_point_limit(shape[0] if shape else 0, limits)
+    count = int(np.prod(shape, dtype=object))
+    if len(body) != count * dtype.itemsize:
+        raise PointFileCorrupt(f"{len(body)} bytes", want=f"{count} values of {dtype}", where=where)
+    array = np.frombuffer(body, dtype).reshape(shape)
+    return array.astype(dtype.newbyteorder("="), copy=False)

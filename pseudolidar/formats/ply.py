@@ -1,0 +1,177 @@
+"""PLY clouds: binary and ascii; faces and other elements are checked and left out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from pseudolidar.errors import PointFileCorrupt, PointFileField, PseudolidarError
+from pseudolidar.formats.ascii_table import encode_table, line_ends, without_blank_lines
+from pseudolidar.formats.atomic import write_atomic
+from pseudolidar.formats.columns import Notes, assemble, notes_of, scalar_fields, storable
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.ply_header import PlyElement, PlyHeader, PlyProperty, parse_header
+from pseudolidar.formats.ply_items import Columns, ascii_items, binary_items
+from pseudolidar.formats.point_file import (
+    check_claim,
+    check_point_limit,
+    read_point_bytes,
+    refuse_other_content,
+)
+from pseudolidar.formats.records import interleave
+from pseudolidar.structures.arrays import AnyArray, UInt8
+from pseudolidar.structures.cloud import PointCloud
+
+Encoding = Literal["binary_little_endian", "ascii"]
+_COLOURS = ("red", "green", "blue")
+# CloudCompare and MeshLab show properties of this name as scalar fields.
+_SCALAR = "scalar_"
+# Names that programs know without it.
+_PLAIN = {"intensity", "nx", "ny", "nz", "alpha"}
+# PLY has no 64-bit integers: such a column is written as two, by these endings.
+_HIGH, _LOW = "_high32", "_low32"
+_HALVES = {"int64": ("<i4", "<u4"), "uint64": ("<u4", "<u4")}
+_SHORTEST_VALUE = 2  # bytes of a value in text: a digit and what separates it
+
+
+def write_ply(
+    path: Path, cloud: PointCloud, *, encoding: Encoding = "binary_little_endian"
+) -> None:
+    """Write a cloud with all its columns.
+
+    Raises:
+        StructureError: an extra column that cannot be a property.
+        OutputError: the file cannot be written.
+    """
+    write_atomic(path, encode_ply(cloud, encoding=encoding))
+
+
+def read_ply(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:
+    """Read the vertices of a PLY of any encoding.
+
+    Frame, time and shape come from the comments that `write_ply` leaves; files of others are in
+    frame "unknown" at time 0. Properties that are no column of clouds become extra ones, without
+    the prefix `scalar_`. Lists of vertices are left out, and so are faces and other elements,
+    which must be complete all the same.
+
+    Raises:
+        PointFileMissing, PointFileTruncated, PointFileHeader, PointFileCorrupt, PointFileField,
+        LimitError: with the place in the file.
+    """
+    try:
+        return decode_ply(read_point_bytes(path), limits=limits)
+    except PseudolidarError as error:
+        raise error.located(path) from error.__cause__
+
+
+def encode_ply(cloud: PointCloud, *, encoding: Encoding = "binary_little_endian") -> bytes:
+    """The bytes of a PLY with one element, `vertex`.
+
+    Columns beyond position, colour, intensity and normals are named `scalar_NAME`; 64-bit integers
+    become two properties, which `read_ply` joins.
+
+    Raises:
+        StructureError: an extra column that cannot be a property.
+    """
+    scalars, dtypes = storable(scalar_fields(cloud))
+    columns: dict[str, AnyArray] = {axis: cloud.xyz[:, i] for i, axis in enumerate("xyz")}
+    if cloud.rgb is not None:
+        columns |= {name: cloud.rgb[:, i] for i, name in enumerate(_COLOURS)}
+    for name, column in scalars.items():
+        title = name if name in _PLAIN else _SCALAR + name
+        if column.dtype.name in _HALVES:
+            dtypes[name] = column.dtype.name
+            columns |= _halves(title, column)
+        else:
+            columns[title] = column
+    properties = tuple(
+        PlyProperty(name, column.dtype.newbyteorder("<")) for name, column in columns.items()
+    )
+    element = PlyElement("vertex", len(cloud), properties)
+    header = PlyHeader(encoding, (element,), notes_of(cloud, dtypes)).encode()
+    if encoding == "ascii":
+        return header + encode_table(list(columns.values()))
+    return b"".join((header, interleave(columns).data))
+
+
+def decode_ply(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:
+    """The cloud in the bytes of a PLY; errors as in `read_ply`."""
+    refuse_other_content(data, want="PLY", kinds=("PLY cloud",))
+    header = parse_header(data)
+    vertices = [e for e in header.elements if e.name == "vertex"]
+    if len(vertices) != 1:
+        raise PointFileField(
+            f"{len(vertices)} elements 'vertex' among {[e.name for e in header.elements][:10]}",
+            want="one with x, y and z",
+        )
+    check_point_limit(vertices[0].count, limits)
+    columns = _ascii(data, header) if header.encoding == "ascii" else _binary(data, header)
+    if len(next(iter(columns.values()), ())) != vertices[0].count:
+        raise PointFileField("vertices without single values", want="x, y and z")
+    rgb = _pop_colours(columns)
+    return assemble(_named(columns, header.notes), rgb, header.notes, None)
+
+
+def _binary(data: bytes, header: PlyHeader) -> Columns:
+    at, vertices = header.body_at, {}
+    for element in header.elements:
+        columns, at = binary_items(data, at, element)
+        if element.name == "vertex":
+            vertices = columns
+    if at < len(data):
+        raise PointFileCorrupt(
+            f"{len(data) - at} bytes behind the last element",
+            want="the end of the file",
+            where=f"byte {at}",
+        )
+    return vertices
+
+
+def _ascii(data: bytes, header: PlyHeader) -> Columns:
+    elements = [e for e in header.elements if e.properties]
+    claimed = sum(e.count * len(e.properties) * _SHORTEST_VALUE for e in elements)
+    items = sum(e.count for e in elements)
+    check_claim(claimed, len(data) - header.body_at, items=items, at_byte=header.body_at)
+    body = without_blank_lines(data[header.body_at :])
+    ends = np.concatenate([[0], line_ends(body)])
+    first, vertices = 0, {}
+    for element in elements:
+        last = min(first + element.count, len(ends) - 1)
+        columns = ascii_items(body[ends[first] : ends[last]], element)
+        if element.name == "vertex":
+            vertices = columns
+        first = last
+    if ends[first] < len(body):
+        raise PointFileCorrupt(
+            f"{len(ends) - 1} lines of items", want=f"{items} as the header says"
+        )
+    return vertices
+
+
+def _halves(title: str, column: AnyArray) -> dict[str, AnyArray]:
+    high, low = _HALVES[column.dtype.name]
+    pairs = np.ascontiguousarray(column, column.dtype.newbyteorder("<")).view("<u4")
+    return {title + _HIGH: pairs[1::2].view(high), title + _LOW: pairs[0::2].view(low)}
+
+
+def _pop_colours(columns: Columns) -> UInt8 | None:
+    if not all(name in columns and columns[name].dtype == np.uint8 for name in _COLOURS):
+        return None
+    return np.stack([columns.pop(name) for name in _COLOURS], axis=1)
+
+
+def _named(columns: Columns, notes: Notes) -> Columns:
+    """The columns without prefix, 64-bit integers joined."""
+    named: Columns = {}
+    for title, column in columns.items():
+        name = title.removeprefix(_SCALAR)
+        named[title if name in columns or name in named else name] = column
+    for name, dtype in notes.dtypes.items():
+        if dtype in _HALVES and name + _HIGH in named and name + _LOW in named:
+            pairs = np.empty((len(named[name + _HIGH]), 2), "<u4")
+            pairs[:, 1] = named.pop(name + _HIGH).view("<u4")
+            pairs[:, 0] = named.pop(name + _LOW).view("<u4")
+            named[name] = pairs.view("<i8" if dtype == "int64" else "<u8")[:, 0]
+    return named

@@ -1,0 +1,50 @@
+"""16-bit grey PNG of KITTI's fixed-point maps: value = metres or pixels x 256, 0 = none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from pseudolidar.errors import ImageFormat
+from pseudolidar.formats.image import encode_png, read_image
+from pseudolidar.formats.limits import Limits
+from pseudolidar.structures.arrays import Float32
+
+# Steps of one pixel of disparity or one metre of depth (KITTI devkits, stereo and depth).
+STEPS_PER_UNIT = 256
+LARGEST_STEP = 65535
+
+
+def encode_fixed_point(values: Float32) -> bytes:
+    """PNG of (H, W) values; those that are not finite or not positive are none.
+
+    A value that would round to 0 becomes the smallest step, so that it stays one. The caller has
+    taken care of values above 255.998.
+    """
+    steps = np.rint(np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0) * STEPS_PER_UNIT)
+    steps = np.where(values > 0, np.clip(steps, 1, LARGEST_STEP), 0)
+    steps[~np.isfinite(values)] = 0
+    return encode_png(steps.astype(np.uint16))
+
+
+def read_fixed_point(path: Path, *, limits: Limits) -> Float32:
+    """(H, W) float32 values of a PNG, NaN where there is none.
+
+    Raises:
+        ImageMissing, ImageUnreadable, ImageTruncated, LimitError: as `read_image` does.
+        ImageFormat: 8 bits or colours, which never hold metres.
+    """
+    steps = read_image(path, limits=limits).pixels
+    if steps.dtype != np.uint16 or steps.ndim != 2:
+        channels = 1 if steps.ndim == 2 else steps.shape[2]
+        raise ImageFormat(
+            f"{channels} channel(s) of {steps.dtype}",
+            want="one channel of 16 bits, value x 256",
+            fix="An 8-bit or colour picture of a map is only to look at: give the original.",
+            path=path,
+        )
+    values = steps.astype(np.float32) / STEPS_PER_UNIT
+    values[steps == 0] = np.nan
+    return cast("Float32", values)

@@ -1,0 +1,100 @@
+"""Whole point files as bytes, and the checks that every reader of them makes first."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from pseudolidar.errors import (
+    LimitError,
+    PointFileHeader,
+    PointFileMissing,
+    PointFileTruncated,
+)
+from pseudolidar.formats.image_kinds import content_kind
+from pseudolidar.formats.limits import Limits
+
+# Longest text header that is believed, bytes; real ones are below 2 kB.
+MAX_HEADER_BYTES = 64 * 1024
+_COUNT = re.compile(r"[0-9]{1,18}")
+
+
+def read_point_bytes(path: Path) -> bytes:
+    """All bytes of a point file.
+
+    Raises:
+        PointFileMissing: no such file, a folder, or no permission to read it.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise PointFileMissing(
+            error.strerror or str(error), want="a readable point file", path=path
+        ) from error
+
+
+def refuse_other_content(data: bytes, *, want: str, kinds: tuple[str, ...]) -> None:
+    """Raise where the content is clearly that of another format.
+
+    Args:
+        data: the file.
+        want: name of the format.
+        kinds: what `content_kind` calls it.
+
+    Raises:
+        PointFileTruncated: the file is empty.
+        PointFileHeader: names what the content is.
+    """
+    if not data:
+        raise PointFileTruncated("an empty file", want=f"a {want} file", where="byte 0")
+    found = content_kind(data)
+    if found and found not in (*kinds, "text file"):
+        raise PointFileHeader(
+            f"content that is a {found}",
+            want=f"a {want} file, as its name says",
+            fix="Give the file the extension of its content.",
+            where="byte 0",
+        )
+
+
+def header_count(text: str, name: str, where: str) -> int:
+    """A count of a header: plain decimal digits, nothing else.
+
+    Raises:
+        PointFileHeader: `text` is not one.
+    """
+    if not _COUNT.fullmatch(text):
+        raise PointFileHeader(f"{name} {text[:40]!r}", want="a whole number >= 0", where=where)
+    return int(text)
+
+
+def check_point_limit(points: int, limits: Limits) -> None:
+    """Raise `LimitError` where more points are claimed than `limits` believes."""
+    if points > limits.points:
+        raise LimitError(
+            f"{points} points claimed",
+            want=f"at most {limits.points}",
+            fix="Raise the cap (Limits.points) if the file is really that large.",
+        )
+
+
+def check_claim(claimed: int, available: int, *, items: int, at_byte: int) -> None:
+    """Raise unless the `available` bytes hold the `claimed` ones, before any allocation.
+
+    Args:
+        claimed: bytes that the header's claims need at least.
+        available: bytes from `at_byte` to the end of the file.
+        items: points (or lines, faces) claimed.
+        at_byte: where they begin.
+
+    Raises:
+        PointFileTruncated: with what is there and what was wanted.
+    """
+    if available < claimed:
+        have = available * items // claimed
+        raise PointFileTruncated(
+            f"{available} bytes, enough for {have} of {items}",
+            want=f"at least {claimed} bytes",
+            fix="Copy or make the file again: it ends early.",
+            where=f"byte {at_byte + available}",
+        )
