@@ -67,18 +67,18 @@ def read_image(path: str | Path, *, limits: Limits = DEFAULT_LIMITS) -> DecodedI
         LimitError: the header claims more pixels than `limits.pixels`.
     """
     path = Path(path)
+    return decode_image(_read_bytes(path, limits), path, limits=limits)
+
+
+def read_size(path: str | Path, *, limits: Limits = DEFAULT_LIMITS) -> tuple[int, int]:
+    """(width, height) of a picture by its header; its pixels are not decoded. Raises as above."""
+    path = Path(path)
+    data = _read_bytes(path, limits)
     try:
-        size = path.stat().st_size
-        if size > limits.pixels * LARGEST_PIXEL_BYTES:
-            raise _too_large(f"a file of {size} bytes", limits).located(path)
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise _missing(path) from None
-    except OSError as error:
-        raise ImageUnreadable(
-            error.strerror or str(error), want="a readable file", path=path
-        ) from error
-    return decode_image(data, path, limits=limits)
+        header = _checked_header(data, check_kind(data, path), limits)
+    except PseudolidarError as error:
+        raise error.located(path) from error.__cause__
+    return header.width_px, header.height_px
 
 
 def decode_image(data: bytes, path: str | Path, *, limits: Limits = DEFAULT_LIMITS) -> DecodedImage:
@@ -118,6 +118,20 @@ def encode_jpeg(pixels: Image, quality: int = 90) -> bytes:
     if pixels.dtype != np.uint8:
         raise StructureError(f"{pixels.dtype} pixels", want="uint8", where="encode_jpeg")
     return _encode(pixels, ".jpg", [cv2.IMWRITE_JPEG_QUALITY, quality])
+
+
+def _read_bytes(path: Path, limits: Limits) -> bytes:
+    try:
+        size = path.stat().st_size
+        if size > limits.pixels * LARGEST_PIXEL_BYTES:
+            raise _too_large(f"a file of {size} bytes", limits).located(path)
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise _missing(path) from None
+    except OSError as error:
+        raise ImageUnreadable(
+            error.strerror or str(error), want="a readable file", path=path
+        ) from error
 
 
 def _checked_header(data: bytes, kind: str, limits: Limits) -> ImageHeader:

@@ -1,0 +1,284 @@
+"""Pictures of two eyes in folders, with a rig file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from pseudolidar.errors import (
+    NotRectified,
+    PseudolidarError,
+    SourceEmpty,
+    SourceUnknown,
+    UsageError,
+)
+from pseudolidar.formats.image import read_image, read_size
+from pseudolidar.formats.rig_json import missing_rig, read_rig, rig_warnings
+from pseudolidar.formats.timestamps import read_times
+from pseudolidar.sources.folder_layout import (
+    Layout,
+    explicit_layout,
+    find_layout,
+    list_folders,
+    list_pictures,
+    pattern_layout,
+)
+from pseudolidar.sources.names import safe_id
+from pseudolidar.sources.source import SourceSummary
+from pseudolidar.sources.stamps import START_NS, FrameTimes, read_frame_times, synthetic_times
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.frame import StereoFrame
+
+RIG_FILE, TIMES_FILE = "rig.json", "times.txt"
+
+
+@dataclass(frozen=True)
+class Folders:
+    """Pictures in two folders, in one, or in a folder for each scene.
+
+    Pairs are found by name: folders `left` and `right`, `image_0` and `image_1`, `cam0` and
+    `cam1`; in one folder `left*` and `right*`, `*_l` and `*_r`, `im0` and `im1`; names that are
+    times are paired by time. The rule found is said.
+
+    Args:
+        path: folder of both eyes, or of the left one if `right` is given.
+        right: folder of the right pictures.
+        rig: rig file; else `rig.json` in the folder.
+        left_pattern: names of left pictures, such as `cam_a_*.png`.
+        right_pattern: names of right pictures, such as `cam_b_*.png`.
+        rate_hz: frames a second, where no times are known.
+        tolerance_s: names that are times are paired up to this difference.
+        scale_calibration: scale the rig where pictures have another size.
+    """
+
+    path: str
+    right: str | None = None
+    rig: str | None = None
+    left_pattern: str | None = None
+    right_pattern: str | None = None
+    rate_hz: float = 10.0
+    tolerance_s: float = 0.01
+    scale_calibration: bool = False
+
+    def open(self) -> FolderSource:
+        """List and pair the pictures, read the rig.
+
+        Raises:
+            SourceUnknown: no folder, or no pairs in it.
+            SourceEmpty: pictures, and not one pair.
+            CalibrationMissing: no rig file.
+            NotRectified: the rig is that of unrectified cameras.
+            CalibrationSizeMismatch: all pictures have another size than the rig.
+            SequenceTime: `times.txt` does not fit.
+        """
+        layout = self._layout()
+        pairing = layout.pairing
+        rigs = _read_rigs(self, layout)
+        times = _times(self, layout)
+        source = FolderSource(
+            summary=_summary(self, layout, rigs, times),
+            ids=tuple(safe_id(pair.key) for pair in pairing.pairs),
+            timestamps_ns=times.timestamps_ns,
+            refused=pairing.unpaired,
+            lefts=tuple(pair.left for pair in pairing.pairs),
+            rights=tuple(pair.right for pair in pairing.pairs),
+            rigs=rigs,
+            scale_calibration=self.scale_calibration,
+        )
+        if not self.scale_calibration:
+            source.check_sizes()
+        return source
+
+    @classmethod
+    def looks_like(cls, path: str) -> bool:
+        """Whether `path` holds pairs of pictures."""
+        settings = cls(path)
+        return find_layout(Path(path), tolerance_s=settings.tolerance_s) is not None
+
+    def _layout(self) -> Layout:
+        folder = Path(self.path)
+        if not folder.is_dir():
+            raise SourceUnknown("no such folder", want="a folder of pictures", path=folder)
+        if (self.left_pattern is None) != (self.right_pattern is None):
+            raise UsageError("one pattern", want="a left pattern and a right one")
+        if self.left_pattern is not None and self.right_pattern is not None:
+            patterns = self.left_pattern, self.right_pattern
+            return pattern_layout(folder, *patterns, tolerance_s=self.tolerance_s)
+        if self.right is None:
+            layout = find_layout(folder, tolerance_s=self.tolerance_s)
+        else:
+            right = Path(self.right)
+            layout = explicit_layout(folder, right, tolerance_s=self.tolerance_s)
+        if layout is None:
+            raise SourceEmpty(
+                f"no pair of pictures among {seen_in(folder)}",
+                want="folders left and right, or names with left and right, _l and _r, im0 and im1",
+                fix="Name the pictures: --source.left-pattern 'a_*.png' "
+                "--source.right-pattern 'b_*.png'.",
+                path=folder,
+            )
+        return layout
+
+
+@dataclass(frozen=True, eq=False)
+class FolderSource:
+    """An opened folder of pairs.
+
+    Args:
+        summary: what it is.
+        ids: names of the frames.
+        timestamps_ns: times of the frames.
+        refused: frames with one eye only, and the like.
+        lefts: left pictures.
+        rights: right pictures.
+        rigs: one for all frames, or one for each.
+        scale_calibration: scale the rig to the pictures.
+    """
+
+    summary: SourceSummary
+    ids: tuple[str, ...]
+    timestamps_ns: tuple[int, ...]
+    refused: tuple[tuple[str, PseudolidarError], ...]
+    lefts: tuple[Path, ...]
+    rights: tuple[Path, ...]
+    rigs: tuple[StereoRig, ...] = field(repr=False)
+    scale_calibration: bool = False
+
+    @property
+    def rig(self) -> StereoRig:
+        """Rig of the first frame."""
+        return self.rigs[0]
+
+    def load(self, index: int) -> StereoFrame:
+        """Read and decode a pair.
+
+        Raises:
+            ImageMissing, ImageUnreadable, ImageTruncated, ImageFormat, LimitError: as `read_image`.
+            PairMismatch: left and right differ in size, channels or depth.
+            CalibrationSizeMismatch: the rig is for another size.
+        """
+        left, right = read_image(self.lefts[index]), read_image(self.rights[index])
+        height, width = left.pixels.shape[:2]
+        rig = self._rig_of(index)
+        if self.scale_calibration and rig.left.size_px != (width, height):
+            rig = rig.scaled_to(width, height)
+        try:
+            return StereoFrame(
+                left.pixels,
+                right.pixels,
+                rig,
+                self.ids[index],
+                index,
+                self.timestamps_ns[index],
+                notes=tuple(dict.fromkeys(left.notes + right.notes)),
+            )
+        except PseudolidarError as error:
+            raise error.located(self.lefts[index]) from None
+
+    def check_sizes(self) -> None:
+        """Raise `CalibrationSizeMismatch` if no picture has the size of the rig."""
+        mismatch: PseudolidarError | None = None
+        for index, path in enumerate(self.lefts):
+            try:
+                width, height = read_size(path)
+            except PseudolidarError:
+                continue  # its frame is refused when it is loaded
+            try:
+                self._rig_of(index).check_size(width, height)
+            except PseudolidarError as error:
+                mismatch = mismatch or error.located(path)
+            else:
+                return
+        if mismatch is not None:
+            raise mismatch
+
+    def _rig_of(self, index: int) -> StereoRig:
+        return self.rigs[index if len(self.rigs) > 1 else 0]
+
+
+def seen_in(folder: Path) -> str:
+    """What a folder holds, in a few words."""
+    pictures, folders = list_pictures(folder), list_folders(folder)
+    names = [f"{path.name}/" for path in folders[:4]] + [path.name for path in pictures[:4]]
+    examples = f" ({', '.join(names)}, ...)" if names else ""
+    return f"{len(pictures)} pictures and {len(folders)} folders{examples}"
+
+
+def _read_rigs(settings: Folders, layout: Layout) -> tuple[StereoRig, ...]:
+    """The rig of all pairs, or, where each scene has its own, of each."""
+    common = _common_rig_file(settings, layout)
+    if settings.rig is None and layout.scenes:
+        files = [pair.left.parent / RIG_FILE for pair in layout.pairing.pairs]
+        if any(file.exists() for file in files):
+            chosen = [file if file.exists() else common for file in files]
+            return tuple(_rectified_rig(file, Path(settings.path)) for file in chosen)
+    return (_rectified_rig(common, Path(settings.path)),)
+
+
+def _common_rig_file(settings: Folders, layout: Layout) -> Path | None:
+    if settings.rig is not None:
+        return Path(settings.rig)
+    folder = Path(settings.path)
+    places = (folder, layout.left, layout.left.parent)
+    return next((place / RIG_FILE for place in places if (place / RIG_FILE).exists()), None)
+
+
+def _rectified_rig(file: Path | None, folder: Path) -> StereoRig:
+    if file is None:
+        raise missing_rig(folder / RIG_FILE)
+    rig = read_rig(file)
+    if not rig.is_rectified:
+        raise NotRectified(
+            "a rig of unrectified cameras",
+            want="rectified pictures and their rig: no distortion, equal focal lengths and rows",
+            fix="Rectify the pictures and give the rectified rig.",
+            path=file,
+        )
+    return rig
+
+
+def _times(settings: Folders, layout: Layout) -> FrameTimes:
+    """Times by name, by `times.txt` (a line for each left picture), or made up."""
+    pairs = layout.pairing.pairs
+    place = {key: number for number, key in enumerate(layout.pairing.left_keys)}
+    numbers = [place[pair.key] for pair in pairs]
+    stated = [pair.time_ns for pair in pairs]
+    if None not in stated:
+        times = read_frame_times(layout.left, stated, range(len(stated)))
+        return replace(times, notes=("time: from the names of the pictures", *times.notes))
+    file = _times_file(settings, layout)
+    if file is None:
+        return synthetic_times(numbers, settings.rate_hz)
+    times = read_frame_times(file, read_times(file), numbers)
+    if times.timestamps_ns[0] > 0:
+        return times
+    later = tuple(START_NS + stamp for stamp in times.timestamps_ns)
+    return FrameTimes(later, ("time: 1 s added, as times start at 0", *times.notes))
+
+
+def _times_file(settings: Folders, layout: Layout) -> Path | None:
+    places = (Path(settings.path), layout.left, layout.left.parent)
+    return next((place / TIMES_FILE for place in places if (place / TIMES_FILE).is_file()), None)
+
+
+def _summary(
+    settings: Folders, layout: Layout, rigs: Sequence[StereoRig], times: FrameTimes
+) -> SourceSummary:
+    pairing = layout.pairing
+    warnings: Mapping[str, None] = dict.fromkeys(w for rig in rigs for w in rig_warnings(rig))
+    alone = len(pairing.unpaired)
+    unpaired = (f"{alone} pictures without a partner left out",) if alone else ()
+    return SourceSummary(
+        kind="folders",
+        path=settings.path,
+        line=f"{layout.line}: {len(pairing.pairs)} pairs by {pairing.rule}",
+        notes=(
+            f"pairs: {pairing.rule}",
+            *pairing.notes,
+            *layout.notes,
+            *unpaired,
+            *times.notes,
+            *warnings,
+        ),
+    )
