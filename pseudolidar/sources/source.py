@@ -50,7 +50,7 @@ class FrameSource(Protocol):
 
     @property
     def refused(self) -> tuple[tuple[str, PseudolidarError], ...]:
-        """Frames known to be unusable when the source was opened (one eye missing), with the reason."""
+        """Frames found unusable when the source was opened (one eye missing), with the reason."""
 
     def load(self, index: int) -> StereoFrame:
         """Read and decode frame `index`; pure, callable from any thread or process."""

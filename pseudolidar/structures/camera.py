@@ -103,7 +103,7 @@ class DisparityCorrection:
 
     @classmethod
     def features(cls, d: Float64, u: Float64, v: Float64, size_px: tuple[int, int]) -> Float64:
-        """(N, 8) features of disparities `d` at pixels `u`, `v`, each (N,); `size_px` of the image."""
+        """(N, 8) features of disparities `d` at pixels `u`, `v`, each (N,)."""
         x = 2.0 * u / (size_px[0] - 1) - 1.0
         y = 2.0 * v / (size_px[1] - 1) - 1.0
         columns = (np.ones_like(x), d / cls.DISPARITY_UNIT_PX, x, y, x * x, x * y, y * y, x**3)

@@ -1,0 +1,40 @@
+"""Grey 8-bit images for matching, by one stated rule for every pixel format."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pseudolidar.structures.arrays import AnyArray, Image, UInt8
+
+# ITU-R BT.601 luma in 14-bit fixed point, the weights of OpenCV's RGB2GRAY.
+_RED, _GREEN, _BLUE, _BITS = 4899, 9617, 1868, 14
+
+
+def grey8_pair(left: Image, right: Image) -> tuple[UInt8, UInt8]:
+    """Both images as (H, W) uint8 grey.
+
+    16-bit images are shifted right by the same number of bits on both sides, the smallest that
+    brings the brightest pixel of the pair into 8 bits; 8-bit images keep their values.
+    """
+    shift = 0
+    if left.dtype == np.uint16:
+        brightest = int(max(left.max(), right.max()))
+        shift = max(0, brightest.bit_length() - 8)
+    return _grey8(left, shift), _grey8(right, shift)
+
+
+def _grey8(image: Image, shift: int) -> UInt8:
+    grey = image if image.ndim == 2 else _luma(image)
+    if grey.dtype == np.uint16:
+        return (grey >> shift).astype(np.uint8)
+    return np.ascontiguousarray(grey, dtype=np.uint8)
+
+
+def _luma(image: Image) -> AnyArray:
+    import cv2
+
+    if image.dtype == np.uint8:
+        return np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
+    weights = np.array([_RED, _GREEN, _BLUE], np.uint32)
+    half = np.uint32(1 << (_BITS - 1))
+    return ((image.astype(np.uint32) @ weights + half) >> _BITS).astype(np.uint16)
