@@ -7,7 +7,7 @@ import re
 import types
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass
-from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeGuard, Union, get_args, get_origin, get_type_hints
 
 from pseudolidar.running.field_markers import Marker, Recognised
 
@@ -96,7 +96,7 @@ def parser_of(kind: Any) -> Callable[[str], Any] | None:
     return parse if callable(parse) else None
 
 
-def is_settings(kind: Any) -> bool:
+def is_settings(kind: Any) -> TypeGuard[type]:
     """Whether a type is a settings dataclass: fields of their own, not a value read from text."""
     return isinstance(kind, type) and dataclasses.is_dataclass(kind) and parser_of(kind) is None
 

@@ -1,0 +1,78 @@
+"""The command `pseudolidar`: parses, runs one verb, turns an error into a line and an exit code."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from typing import TextIO
+
+from pseudolidar.commandline.arguments import take_switch
+from pseudolidar.commandline.outcome import (
+    DONE,
+    as_known,
+    error_object,
+    exit_code_of,
+    json_text,
+    show_error,
+)
+from pseudolidar.commandline.overview import overview, version_line
+from pseudolidar.commandline.streams import (
+    escape_what_the_terminal_cannot_show,
+    output_kept_clean,
+    write_result,
+)
+from pseudolidar.errors import Interrupted, UsageError
+from pseudolidar.running.kernel_cache import prepare_kernel_cache
+from pseudolidar.running.signals import Stopped, StopSignals
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command line.
+
+    Args:
+        argv: arguments after the program's name; those of the process if None.
+
+    Returns:
+        The process status: 0 done, 2 usage, 3 input refused, 4 some frames skipped, 5 environment,
+        6 workers lost, 130 and 143 interrupted, 1 a bug.
+    """
+    args = list(sys.argv[1:] if argv is None else argv)
+    escape_what_the_terminal_cannot_show()
+    if not args or args[0] in ("-h", "--help"):
+        write_result(sys.stdout if args else sys.stderr, overview())
+        return DONE if args else UsageError.exit_code
+    if args[0] == "--version":
+        write_result(sys.stdout, version_line())
+        return DONE
+    prepare_kernel_cache()
+    as_json, debug = take_switch(args, "--json"), take_switch(args, "--debug")
+    results = output_kept_clean() if as_json else contextlib.nullcontext(sys.stdout)
+    with results as out, StopSignals():
+        return _run(args, out, as_json=as_json, debug=debug)
+
+
+def _run(args: list[str], out: TextIO, *, as_json: bool, debug: bool) -> int:
+    from pseudolidar.commandline.execute import execute
+
+    try:
+        report = execute(args)
+        write_result(out, json_text(report.as_dict()) if as_json else report.text())
+        return report.exit_code
+    except SystemExit:  # help was shown
+        return DONE
+    except KeyboardInterrupt as stop:
+        known: Exception = Interrupted(
+            "stopped by a signal", fix="Run the same command again to continue."
+        )
+        code = stop.exit_code if isinstance(stop, Stopped) else Interrupted.exit_code
+    except Exception as error:
+        known = as_known(error)
+        code = exit_code_of(known)
+    show_error(known, debug=debug)
+    if as_json:
+        write_result(out, json_text({"error": error_object(known) | {"exit_code": code}}))
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,71 @@
+"""One verb from its arguments to its report."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from pseudolidar.commandline.arguments import take_value
+from pseudolidar.commandline.choices import resolve
+from pseudolidar.commandline.help_text import verb_description
+from pseudolidar.commandline.outcome import Report
+from pseudolidar.commandline.verbs import RUN_VERB, Verb, load_file, load_verb
+from pseudolidar.errors import UsageError
+from pseudolidar.running.settings_json import from_json
+
+_MAX_SETTINGS_BYTES = 10_000_000  # a run.json holds kilobytes
+
+
+def execute(args: list[str]) -> Report:
+    """Load the verb, read its settings from the arguments, run it.
+
+    Args:
+        args: the verb and what follows it, without the switches of every verb; consumed.
+
+    Raises:
+        PseudolidarError: the arguments or the input are refused, or the run was stopped.
+    """
+    verb = _load(args)
+    report: Report = verb.run(_settings(verb, args))
+    return report
+
+
+def _load(args: list[str]) -> Verb:
+    name = args.pop(0)
+    if name != RUN_VERB:
+        return load_verb(name)
+    if not args or args[0].startswith("-"):
+        raise UsageError(
+            "no pipeline is named", want="pseudolidar run FILE.py [SOURCE] [OUT] [flags]"
+        )
+    return load_file(args.pop(0))
+
+
+def _settings(verb: Verb, args: list[str]) -> Any:
+    from pseudolidar.commandline.flags import parse_settings
+
+    file = take_value(args, "--settings")
+    given = None if file is None else _settings_of_run(verb, Path(file))
+    return parse_settings(
+        resolve(verb.settings, args, given),
+        args,
+        prog=f"pseudolidar {verb.name}",
+        description=verb_description(verb.settings, verb.doc),
+    )
+
+
+def _settings_of_run(verb: Verb, file: Path) -> Any:
+    """Settings from a file: `run.json` of a run, or the settings object alone."""
+    try:
+        with file.open("rb") as stream:
+            data = json.loads(stream.read(_MAX_SETTINGS_BYTES))
+        if not isinstance(data, dict):
+            raise UsageError(f"a JSON {type(data).__name__}", want="an object")
+        return from_json(verb.settings, data.get("settings", data))
+    except OSError as error:
+        raise UsageError(error.strerror or str(error), want="a run.json", path=file) from error
+    except (ValueError, RecursionError) as error:
+        raise UsageError(f"not JSON: {error}", want="a run.json", path=file) from error
+    except UsageError as error:
+        raise error.located(file) from None

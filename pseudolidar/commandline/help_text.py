@@ -1,0 +1,74 @@
+"""Help from docstrings: what a verb does, what its settings mean, examples."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from dataclasses import dataclass
+
+_SECTION = re.compile(r"^(Args|Attributes|Examples?|Returns|Raises|Source|Note):\s*(.*)$")
+_ENTRY = re.compile(r"^\s+(\w+):\s*(.*)$")
+
+
+@dataclass(frozen=True)
+class DocParts:
+    """A Google docstring taken apart.
+
+    Args:
+        summary: first paragraph.
+        body: what stands before the first section, the summary included.
+        fields: text of each entry under `Args`.
+        examples: lines under `Examples`.
+    """
+
+    summary: str
+    body: str
+    fields: dict[str, str]
+    examples: tuple[str, ...]
+
+
+def doc_parts(doc: str) -> DocParts:
+    """Take a Google docstring apart; absent parts are empty."""
+    sections: dict[str, list[str]] = {"": []}
+    name = ""
+    for line in doc.splitlines():
+        if match := _SECTION.match(line):
+            name = match[1]
+            line = match[2]
+        sections.setdefault(name, []).append(line)
+    body = "\n".join(sections[""]).strip()
+    examples = sections.get("Examples", []) + sections.get("Example", [])
+    return DocParts(
+        summary=" ".join(body.split("\n\n")[0].split()),
+        body=body,
+        fields=_entries(sections.get("Args", []) + sections.get("Attributes", [])),
+        examples=tuple(line.strip() for line in examples if line.strip()),
+    )
+
+
+def class_doc(cls: type) -> DocParts:
+    """The docstring of a settings class, taken apart."""
+    return doc_parts(inspect.cleandoc(cls.__doc__ or ""))
+
+
+def verb_description(cls: type, module_doc: str) -> str:
+    """What help says above the flags: what the verb does, and examples."""
+    own, module = class_doc(cls), doc_parts(module_doc)
+    paragraphs = [own.body or module.body]
+    if examples := own.examples or module.examples:
+        paragraphs.append("Examples:\n" + "\n".join(f"  {line}" for line in examples))
+    return "\n\n".join(paragraphs)
+
+
+def _entries(lines: list[str]) -> dict[str, str]:
+    found: dict[str, str] = {}
+    name = ""
+    indents = [len(line) - len(line.lstrip()) for line in lines if line.strip()]
+    for line in lines:
+        match = _ENTRY.match(line)
+        if match and len(line) - len(line.lstrip()) == min(indents):
+            name = match[1]
+            found[name] = match[2]
+        elif name and line.strip():
+            found[name] += " " + line.strip()
+    return found
