@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pseudolidar.errors import CalibrationField
-from pseudolidar.geometry.projection import project, project_scan
+from pseudolidar.geometry.projection import Occluders, project, project_scan, visible
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.frame import LidarScan
 from pseudolidar.structures.pose import Pose
@@ -35,7 +35,7 @@ def test_pixels_and_depths():
 def test_points_behind_a_nearer_surface_are_dropped():
     near, far = wall(5.0, 20, 40), wall(20.0, 10, 60)
     scan = LidarScan(np.concatenate([near, far]), frame="camera_left")
-    seen = project_scan(scan, rig(), window_px=2)
+    seen = project_scan(scan, rig(), occluders=Occluders(2, 2, 2))
     assert set(range(len(near))) <= set(seen.index)
     background = seen.uv[seen.depth_m > 10]
     inside = ((background >= 18) & (background <= 40)).all(axis=1)
@@ -47,10 +47,21 @@ def test_a_sloped_surface_does_not_hide_itself():
     """Ground seen from 1.7 m, to 40 m."""
     x, z = np.meshgrid(np.arange(-3.0, 3.0, 0.1), np.geomspace(5.0, 40.0, 64))
     ground = np.stack([x, np.full_like(x, 1.7), z], axis=-1).reshape(-1, 3).astype(np.float32)
-    seen = project_scan(LidarScan(ground, frame="camera_left"), rig(), window_px=1)
+    seen = project_scan(LidarScan(ground, frame="camera_left"), rig(), occluders=Occluders(1, 1, 1))
     inside, _ = project(ground, rig().P_left)
     count = np.sum((np.rint(inside) >= 0).all(axis=1) & (np.rint(inside) <= (100, 80)).all(axis=1))
     assert len(seen.index) > 0.5 * count
+
+
+@pytest.mark.parametrize("above", [0, 2, 3])
+@pytest.mark.parametrize("below", [0, 1, 4])
+def test_the_window_reaches_as_far_as_it_says(above, below):
+    rows = np.arange(40)
+    uv = np.stack([np.full(40, 50.0), rows], axis=1)
+    depth_m = np.where(rows == 20, 5.0, 10.0)
+    hidden = rows[~visible(uv, depth_m, (101, 81), occluders=Occluders(above, below, 1))]
+    # The near point of row 20 hides those that have it among the rows above or below them.
+    np.testing.assert_array_equal(hidden, [r for r in range(20 - below, 21 + above) if r != 20])
 
 
 def test_points_outside_or_behind_are_dropped():

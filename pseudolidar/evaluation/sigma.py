@@ -1,0 +1,102 @@
+"""How well stated uncertainties fit the errors that occur."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from pseudolidar.evaluation.ranges import RANGE_BINS_M
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.disparity import RADIUS_95_PER_SIGMA
+
+# Share of errors that one standard deviation must hold: that of a normal distribution.
+ONE_SIGMA_SHARE = 0.6827
+# Steps of the sparsification curve.
+SPARSIFICATION_STEPS = 20
+
+
+@dataclass(frozen=True)
+class SigmaShares:
+    """Shares of errors within the stated radii; None where there is no sample.
+
+    Args:
+        n: samples.
+        within_1_sigma: share of errors within one sigma; 0.68 is right.
+        within_95: share within the 95 % radius of 2.8 sigma; 0.95 is right.
+    """
+
+    n: int
+    within_1_sigma: float | None
+    within_95: float | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """The fields."""
+        return asdict(self)
+
+
+def sigma_shares(error_px: Float64, sigma_px: Float64) -> SigmaShares:
+    """Count errors within sigma and within the 95 % radius.
+
+    Args:
+        error_px: (N,) signed or absolute errors.
+        sigma_px: (N,) one standard deviation each.
+    """
+    if not len(error_px):
+        return SigmaShares(0, None, None)
+    ratio = np.abs(error_px) / sigma_px
+    within, within_95 = (float((ratio <= radius).mean()) for radius in (1.0, RADIUS_95_PER_SIGMA))
+    return SigmaShares(len(ratio), within, within_95)
+
+
+def sigma_shares_by_range(
+    error_px: Float64, sigma_px: Float64, depth_m: Float64
+) -> Sequence[dict[str, Any]]:
+    """`sigma_shares` in every bin of the true depth (N,) m, with `from_m` and `to_m`."""
+    rows = []
+    for low, high in RANGE_BINS_M:
+        inside = (depth_m >= low) & (depth_m < high)
+        shares = sigma_shares(error_px[inside], sigma_px[inside])
+        rows.append({"from_m": low, "to_m": high, **shares.as_dict()})
+    return rows
+
+
+def total_sigma(sigma_px: Float64, systematic_px: float, *, scale: float = 1.0) -> Float64:
+    """(N,) sigma of the disparity: matching error, scaled, and the rig's systematic error."""
+    return np.hypot(scale * sigma_px, systematic_px)
+
+
+def fit_scale(error_px: Float64, sigma_px: Float64, systematic_px: float) -> float:
+    """Factor on the matcher's sigma so that 68.27 % of the errors lie within the total sigma.
+
+    |e|^2 <= (k sigma)^2 + systematic^2 holds for k >= sqrt(|e|^2 - systematic^2) / sigma.
+
+    Args:
+        error_px: (N,) errors, at least one, of corrected disparities.
+        sigma_px: (N,) the matcher's sigma.
+        systematic_px: one standard deviation of the rig's error.
+    """
+    beyond = np.sqrt(np.maximum(error_px**2 - systematic_px**2, 0.0))
+    return float(np.quantile(beyond / sigma_px, ONE_SIGMA_SHARE))
+
+
+def sparsification_error(error_px: Float64, sigma_px: Float64) -> float | None:
+    """Area between the sparsification curves of sigma and of the error itself (AUSE).
+
+    The surest 100 %, 95 %, ... 5 % of the samples are kept and their mean absolute error taken,
+    once in the order of sigma and once in that of the true error; the mean difference, relative to
+    the error of all. 0 is perfect; an uninformative sigma has about 0.7.
+
+    Source: Ilg et al., Uncertainty Estimates and Multi-Hypotheses Networks for Optical Flow, ECCV
+        2018, section 4.
+    """
+    size = np.abs(error_px)
+    if not len(size) or size.mean() == 0:
+        return None
+    steps = np.arange(SPARSIFICATION_STEPS)
+    kept = np.maximum(1, (len(size) * (1.0 - steps / SPARSIFICATION_STEPS)).astype(np.intp))
+    by_sigma = np.cumsum(size[np.argsort(sigma_px, kind="stable")])[kept - 1] / kept
+    by_error = np.cumsum(np.sort(size))[kept - 1] / kept
+    return float((by_sigma - by_error).mean() / size.mean())

@@ -1,0 +1,96 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pseudolidar.calibration.refine import ONE_FRAME_RESIDUAL_PX, fit
+from pseudolidar.errors import CalibrationValue
+from pseudolidar.structures.camera import DisparityCorrection
+from pseudolidar.structures.samples import DisparitySamples
+
+SIZE_PX = (1242, 375)
+PLANTED = np.array([-0.5, 0.7, 0.1, 0.4, -1.1, 0.6, -0.4, -0.6])
+NOISE_PX = 0.5
+
+
+def samples(*, frames=8, each=4000, drift_px=0.0, outliers=0.1, seed=7) -> DisparitySamples:
+    """Frames of a rig with a planted error; reference disparities grow downwards, as on a road."""
+    rng = np.random.default_rng(seed)
+    n = frames * each
+    u, v = rng.uniform(0, SIZE_PX[0] - 1, n), rng.uniform(150, SIZE_PX[1] - 1, n)
+    reference = 3.0 + 60.0 * ((v - 150) / 225) ** 2 + rng.uniform(0, 20, n)
+    frame = np.repeat(np.arange(frames), each)
+    offset = DisparityCorrection.features(reference, u, v, SIZE_PX) @ PLANTED
+    # The correction is a function of the measured disparity: a second pass is exact to 1e-3 px.
+    offset = DisparityCorrection.features(reference + offset, u, v, SIZE_PX) @ PLANTED
+    noise = rng.normal(0, NOISE_PX, n) + drift_px * rng.normal(0, 1, frames)[frame]
+    wrong = rng.random(n) < outliers
+    noise[wrong] += rng.uniform(2, 40, wrong.sum())
+    return DisparitySamples(reference + offset + noise, reference, u, v, frame, SIZE_PX)
+
+
+def offset_errors_px(correction: DisparityCorrection, at: DisparitySamples) -> np.ndarray:
+    found, planted = (
+        each.offset_px(at.measured, at.u, at.v, SIZE_PX)
+        for each in (correction, DisparityCorrection(PLANTED, 0.0))
+    )
+    return np.abs(found - planted)
+
+
+def test_a_planted_error_is_found_among_outliers():
+    correct = samples(outliers=0.0)
+    correction = fit(samples(), origin="planted")
+    assert correction.origin == "planted"
+    # One-sided outliers of 10 % shift a Cauchy fit by some hundredths of a pixel.
+    assert np.quantile(offset_errors_px(correction, correct), 0.95) < 0.1
+
+
+def test_outliers_would_spoil_plain_least_squares():
+    data, correct = samples(), samples(outliers=0.0)
+    features = DisparityCorrection.features(data.measured, data.u, data.v, SIZE_PX)
+    plain, *_ = np.linalg.lstsq(features, data.measured - data.reference, rcond=None)
+    errors_px = offset_errors_px(DisparityCorrection(plain, 0.0), correct)
+    assert np.quantile(errors_px, 0.95) > 1.0
+
+
+@pytest.mark.parametrize("drift_px", [0.0, 0.2, 0.5])
+def test_the_residual_is_the_drift_between_frames_and_not_pixel_noise(drift_px):
+    correction = fit(samples(frames=24, drift_px=drift_px, outliers=0.05))
+    # 24 frames tell a standard deviation to about 15 %; blocks of 250 samples and the fold's own
+    # fit add some hundredths.
+    assert correction.residual_px == pytest.approx(np.hypot(drift_px, 0.05), rel=0.35)
+
+
+def test_one_frame_does_not_claim_to_know_how_frames_differ():
+    assert fit(samples(frames=1)).residual_px >= ONE_FRAME_RESIDUAL_PX
+
+
+def test_few_samples_of_a_corner_do_not_blow_up_elsewhere():
+    data = samples(frames=1, each=60_000)
+    corner = data[(data.u < 250) & (data.measured < 25)]
+    correction = fit(corner)
+    grid = samples(frames=1, outliers=0.0)
+    offset = correction.offset_px(grid.measured, grid.u, grid.v, SIZE_PX)
+    assert len(corner) >= 500
+    assert np.abs(offset).max() < 5.0
+
+
+def test_perfect_data_need_no_correction():
+    data = samples(outliers=0.0)
+    correction = fit(replace(data, measured=data.reference))
+    np.testing.assert_allclose(correction.coefficients, 0.0, atol=1e-9)
+    assert correction.residual_px == 0.0
+
+
+def test_pixels_without_a_disparity_do_not_count():
+    data = samples()
+    measured = data.measured.copy()
+    measured[::2] = np.nan
+    np.testing.assert_allclose(
+        fit(replace(data, measured=measured)).coefficients, fit(data[1::2]).coefficients
+    )
+
+
+def test_too_little_data_is_refused():
+    with pytest.raises(CalibrationValue, match="samples"):
+        fit(samples(frames=1, each=400))
