@@ -1,0 +1,193 @@
+"""Reads a recording back and checks that others can use it."""
+
+from __future__ import annotations
+
+import array
+import os
+import zlib
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from io import FileIO
+from pathlib import Path
+
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, Footer, Schema, Statistics
+
+from pseudolidar.errors import PseudolidarError, RecordingError
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.mcap_channels import FRAME, PROTOBUF
+from pseudolidar.formats.mcap_check_messages import ChannelCheck, MessageChecks, message_class
+from pseudolidar.formats.mcap_records import (
+    MAGIC,
+    RawMessage,
+    RawRecord,
+    broken,
+    inner_records,
+    parse_message,
+    parsed,
+    read_record,
+    unpacked,
+)
+
+# Bytes of a footer record after its CRC field's beginning.
+FOOTER_CRC_BYTES = 4
+
+
+@dataclass(frozen=True)
+class McapSummary:
+    """What a recording that passed its check holds.
+
+    Args:
+        frames: marked frames.
+        messages: messages by topic.
+        skipped: topics whose messages cannot be read here (other encodings); only counted.
+        start_ns: first time stamp, 0 without messages.
+        end_ns: last time stamp, 0 without messages.
+        size_bytes: of the file.
+    """
+
+    frames: int
+    messages: Mapping[str, int]
+    skipped: tuple[str, ...]
+    start_ns: int
+    end_ns: int
+    size_bytes: int
+
+
+def check_mcap(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> McapSummary:
+    """Read a recording from the first byte to the last and check it.
+
+    Checked are: all CRCs, the summary against what is there, time stamps (positive, not
+    decreasing on a topic), schemas (complete), transforms (one tree that has every frame in use,
+    unit quaternions), and the messages: typed fields and whole points in clouds, sizes of raw
+    images, beginnings and ends of encoded ones.
+
+    Args:
+        path: a complete recording.
+        limits: caps on what it may claim.
+
+    Raises:
+        RecordingError: says what is wrong, at which byte or in which message.
+    """
+    try:
+        with FileIO(path, "rb") as file:
+            return _Reading(file, limits).run()
+    except FileNotFoundError:
+        raise RecordingError("no such file", want="an MCAP recording", path=path) from None
+    except PseudolidarError as error:
+        raise error.located(path) from error.__cause__
+
+
+class _Reading:
+    """One pass over a file."""
+
+    def __init__(self, file: FileIO, limits: Limits) -> None:
+        self._file, self._limits = file, limits
+        self._size = file.seek(0, os.SEEK_END)
+        self._classes: dict[int, tuple[str, type | None]] = {}
+        self._channels: dict[int, ChannelCheck] = {}
+        self._counts: Counter[int] = Counter()
+        self._messages = MessageChecks()
+        # Begin and length of each chunk, to compare with the index.
+        self._chunks = array.array("Q")
+
+    def run(self) -> McapSummary:
+        """Check everything."""
+        summary_start = self._data_section()
+        self._summary_section(summary_start)
+        self._messages.finish()
+        topics: Counter[str] = Counter()
+        for number, count in self._counts.items():
+            topics[self._channels[number].topic] += count
+        return McapSummary(
+            frames=topics[FRAME],
+            messages=dict(sorted(topics.items())),
+            skipped=tuple(sorted(c.topic for c in self._channels.values() if c.kind is None)),
+            start_ns=self._messages.start_ns,
+            end_ns=self._messages.end_ns,
+            size_bytes=self._size,
+        )
+
+    def _data_section(self) -> int:
+        """Read up to the end of the data; returns where the summary begins."""
+        self._file.seek(0)
+        if self._file.read(len(MAGIC)) != MAGIC:
+            raise broken("no MCAP file: it begins otherwise", 0)
+        offset, crc = len(MAGIC), zlib.crc32(MAGIC)
+        while True:
+            record = read_record(self._file, offset, self._size, self._limits)
+            offset = record.end
+            if record.opcode == Opcode.DATA_END:
+                if parsed(DataEnd, record).data_section_crc not in (0, crc):
+                    raise broken("data whose CRC does not match", record.offset)
+                return offset
+            crc = zlib.crc32(record.body, zlib.crc32(record.header(), crc))
+            self._data_record(record)
+
+    def _data_record(self, record: RawRecord) -> None:
+        if record.opcode == Opcode.CHUNK:
+            chunk = parsed(Chunk, record)
+            self._chunks.extend((record.offset, record.end - record.offset))
+            for inner in inner_records(unpacked(chunk, record.offset, self._limits), record.offset):
+                self._declaration_or_message(inner, record.offset)
+        else:
+            self._declaration_or_message(record, record.offset)
+
+    def _declaration_or_message(self, record: RawRecord, offset: int) -> None:
+        if record.opcode == Opcode.SCHEMA:
+            self._add_schema(parsed(Schema, record), offset)
+        elif record.opcode == Opcode.CHANNEL:
+            self._add_channel(parsed(Channel, record), offset)
+        elif record.opcode == Opcode.MESSAGE:
+            self._add_message(parse_message(record), offset)
+
+    def _add_schema(self, schema: Schema, offset: int) -> None:
+        if schema.id not in self._classes:
+            kind = message_class(schema, offset) if schema.encoding == PROTOBUF else None
+            self._classes[schema.id] = schema.name, kind
+
+    def _add_channel(self, channel: Channel, offset: int) -> None:
+        if channel.id in self._channels:
+            return
+        if channel.schema_id not in self._classes:
+            raise broken(f"topic {channel.topic!r} without a schema", offset)
+        name, kind = self._classes[channel.schema_id]
+        kind = kind if channel.message_encoding == PROTOBUF else None
+        self._channels[channel.id] = ChannelCheck(channel.topic, name, kind)
+
+    def _add_message(self, message: RawMessage, offset: int) -> None:
+        channel = self._channels.get(message.channel_id)
+        if channel is None:
+            raise broken(f"a message on undeclared channel {message.channel_id}", offset)
+        self._counts[message.channel_id] += 1
+        self._messages.check(channel, message)
+
+    def _summary_section(self, start: int) -> None:
+        """Compare summary, statistics and chunk index with what the data section holds."""
+        statistics: Statistics | None = None
+        indexed = array.array("Q")
+        offset, crc = start, 0
+        while True:
+            record = read_record(self._file, offset, self._size, self._limits)
+            offset = record.end
+            if record.opcode == Opcode.FOOTER:
+                break
+            crc = zlib.crc32(record.body, zlib.crc32(record.header(), crc))
+            if record.opcode == Opcode.STATISTICS:
+                statistics = parsed(Statistics, record)
+            elif record.opcode == Opcode.CHUNK_INDEX:
+                index = parsed(ChunkIndex, record)
+                indexed.extend((index.chunk_start_offset, index.chunk_length))
+        self._footer(record, crc)
+        if offset + len(MAGIC) != self._size or self._file.read(len(MAGIC)) != MAGIC:
+            raise broken("no end mark after the summary", offset)
+        if statistics and statistics.channel_message_counts != dict(self._counts):
+            raise broken("statistics that count other messages than there are", start)
+        if len(indexed) and indexed != self._chunks:
+            raise broken("an index of other chunks than there are", start)
+
+    def _footer(self, record: RawRecord, crc: int) -> None:
+        crc = zlib.crc32(record.body[:-FOOTER_CRC_BYTES], zlib.crc32(record.header(), crc))
+        if parsed(Footer, record).summary_crc not in (0, crc):
+            raise broken("a summary whose CRC does not match", record.offset)

@@ -1,0 +1,37 @@
+"""What goes into a recording, as settings: light to import."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Compression = Literal["lz4", "zstd", "none"]
+
+
+@dataclass(frozen=True)
+class McapContent:
+    """What each frame of an MCAP recording holds, and how it is packed.
+
+    Args:
+        images: how the pair is stored; 16-bit images are always PNG, `none` leaves the pair out.
+        jpeg_quality: 0-100.
+        disparity: store the disparity, 32-bit float px, NaN where there is none.
+        depth: store the depth in mm, 16 bits: as raw image, which viewers know as depth, or as a
+            smaller and slower PNG.
+        cloud: store the stereo cloud with all its columns.
+        scan: store the LiDAR scan.
+        labels: store the boxes of the data set.
+        compression: of the recording; images do not shrink, clouds and disparity do.
+    """
+
+    images: Literal["jpeg", "png", "none"] = "jpeg"
+    jpeg_quality: int = 90
+    disparity: bool = True
+    depth: Literal["raw", "png", "none"] = "raw"
+    cloud: bool = True
+    scan: bool = True
+    labels: bool = True
+    compression: Compression = "lz4"
+
+
+DEFAULT_CONTENT = McapContent()

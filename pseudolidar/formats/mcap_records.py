@@ -1,0 +1,189 @@
+"""Records of an MCAP file, read with every length checked before it is believed.
+
+Source: MCAP File Format Specification, https://mcap.dev/spec.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import FileIO
+from typing import TypeVar, cast
+
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.exceptions import McapError
+from mcap.records import Chunk, McapRecord
+
+from pseudolidar.errors import RecordingError
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.mcap_compression import decompressed
+
+MAGIC = b"\x89MCAP0\r\n"
+AnyRecord = TypeVar("AnyRecord", bound=McapRecord)
+
+# Every record: opcode, length of what follows.
+RECORD_HEADER = struct.Struct("<BQ")
+# Message: channel, sequence, log time, publish time; then its data.
+MESSAGE_HEADER = struct.Struct("<HIQQ")
+# A chunk this small may unpack to more than `Limits.chunk_expansion` times its size.
+ALWAYS_UNPACKED_BYTES = 2**20
+
+
+@dataclass(frozen=True)
+class RawRecord:
+    """A record as it stands in the file.
+
+    Args:
+        opcode: its kind.
+        offset: byte in the file, or in the unpacked chunk, where its header begins.
+        body: what follows the header.
+    """
+
+    opcode: int
+    offset: int
+    body: bytes | memoryview
+
+    @property
+    def end(self) -> int:
+        """Byte after it."""
+        return self.offset + RECORD_HEADER.size + len(self.body)
+
+    def header(self) -> bytes:
+        """Its header, as it stands in the file."""
+        return RECORD_HEADER.pack(self.opcode, len(self.body))
+
+
+@dataclass(frozen=True)
+class RawMessage:
+    """A message within a chunk.
+
+    Args:
+        channel_id: its channel.
+        sequence: counter of its publisher.
+        log_time_ns: time it is filed under.
+        offset: of its record in the unpacked chunk.
+        data: serialised message.
+    """
+
+    channel_id: int
+    sequence: int
+    log_time_ns: int
+    offset: int
+    data: memoryview
+
+
+def read_record(file: FileIO, offset: int, size: int, limits: Limits = DEFAULT_LIMITS) -> RawRecord:
+    """The record at `offset` of a file of `size` bytes.
+
+    Raises:
+        RecordingError: the file ends within it, or it claims more than the cap.
+    """
+    file.seek(offset)
+    header = file.read(RECORD_HEADER.size)
+    if len(header) < RECORD_HEADER.size:
+        raise broken(f"the file ends after {size} bytes, before its end mark", offset)
+    opcode, length = RECORD_HEADER.unpack(header)
+    left = size - offset - RECORD_HEADER.size
+    if length > left:
+        raise broken(f"a record that claims {length} bytes where {left} are left", offset)
+    if length > limits.record_bytes:
+        raise RecordingError(
+            f"a record of {length} bytes",
+            want=f"at most {limits.record_bytes}",
+            fix="If it really is that large, raise the cap (Limits.record_bytes).",
+            where=f"byte {offset}",
+        )
+    body = file.read(length)
+    if len(body) < length:
+        raise broken(f"a record of which {len(body)} of {length} bytes can be read", offset)
+    return RawRecord(opcode, offset, body)
+
+
+def parsed(kind: type[AnyRecord], record: RawRecord) -> AnyRecord:
+    """The fields of a record, read by the parser of its kind in `mcap.records`.
+
+    Raises:
+        RecordingError: they do not fit into it.
+    """
+    try:
+        return cast("AnyRecord", kind.read(ReadDataStream(io.BytesIO(record.body))))  # type: ignore[attr-defined]
+    except (McapError, struct.error, UnicodeDecodeError, OverflowError) as error:
+        raise broken(f"a {kind.__name__} record that cannot be read", record.offset) from error
+
+
+def unpacked(chunk: Chunk, offset: int, limits: Limits = DEFAULT_LIMITS) -> bytes:
+    """The records of a chunk, unpacked to no more than they claim, their CRC checked.
+
+    Args:
+        chunk: the chunk.
+        offset: byte in the file where it begins, for errors.
+        limits: caps.
+
+    Raises:
+        RecordingError: damaged, or larger than the caps.
+    """
+    size, packed = chunk.uncompressed_size, len(chunk.data)
+    allowed = min(limits.chunk_bytes, max(ALWAYS_UNPACKED_BYTES, packed * limits.chunk_expansion))
+    if size > allowed:
+        raise RecordingError(
+            f"a chunk of {packed} bytes that claims to unpack to {size}",
+            want=f"at most {allowed}",
+            fix="If it really is that large, raise the cap (Limits.chunk_bytes).",
+            where=f"byte {offset}",
+        )
+    try:
+        data = decompressed(chunk.data, chunk.compression, size)
+    except ValueError as error:
+        raise broken(f"a chunk that cannot be unpacked: {error}", offset) from error
+    if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
+        raise broken("a chunk whose CRC does not match", offset)
+    return data
+
+
+def inner_records(data: bytes, offset: int) -> Iterator[RawRecord]:
+    """The records within an unpacked chunk that begins at byte `offset` of the file.
+
+    Raises:
+        RecordingError: they do not fill it exactly.
+    """
+    at, view = 0, memoryview(data)
+    while at < len(data):
+        body = at + RECORD_HEADER.size
+        length = RECORD_HEADER.unpack_from(data, at)[1] if body <= len(data) else 0
+        if body + length > len(data):
+            raise broken("a chunk that ends within a record", offset)
+        yield RawRecord(data[at], at, view[body : body + length])
+        at = body + length
+
+
+def parse_message(record: RawRecord) -> RawMessage:
+    """The message of a message record.
+
+    Raises:
+        RecordingError: too short to be one.
+    """
+    if len(record.body) < MESSAGE_HEADER.size:
+        raise broken("a message without its header", record.offset)
+    channel_id, sequence, log_time_ns, _ = MESSAGE_HEADER.unpack_from(record.body)
+    data = memoryview(record.body)[MESSAGE_HEADER.size :]
+    return RawMessage(channel_id, sequence, log_time_ns, record.offset, data)
+
+
+def record_bytes(record: McapRecord) -> bytes:
+    """A record as it stands in a file."""
+    builder = RecordBuilder()
+    record.write(builder)
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
+
+
+def broken(got: str, offset: int) -> RecordingError:
+    """The error of a damaged recording."""
+    return RecordingError(
+        got,
+        want="an undamaged recording",
+        fix="Write it again, or copy it again.",
+        where=f"byte {offset}",
+    )

@@ -1,0 +1,134 @@
+"""The end of an MCAP file: indexes, counts and check sums of all that was appended."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections import Counter
+
+from mcap.opcode import Opcode
+from mcap.records import (
+    AttachmentIndex,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    MetadataIndex,
+    Statistics,
+    SummaryOffset,
+)
+
+from pseudolidar.formats.mcap_channels import channel_record, schema_id, schema_record
+from pseudolidar.formats.mcap_frame import FrameChunk
+from pseudolidar.formats.mcap_records import MAGIC, record_bytes
+
+# Footer: summary start, summary offset start, CRC of all before.
+FOOTER = struct.Struct("<QQI")
+# What the summary's CRC covers of the footer record: header, summary start, summary offset start.
+FOOTER_START = struct.Struct("<BQQQ")
+
+
+class SummaryBuilder:
+    """Collects what the summary needs: some 200 bytes a frame, and nothing of its messages."""
+
+    def __init__(self) -> None:
+        self._chunks = bytearray()
+        self._attachments: list[AttachmentIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._counts: Counter[int] = Counter()
+        self._frames = 0
+        self._start_ns = self._end_ns = 0
+
+    @property
+    def end_ns(self) -> int:
+        """Latest time stamp so far, 0 before the first."""
+        return self._end_ns
+
+    def add_metadata(self, index: MetadataIndex) -> None:
+        """A metadata record was written."""
+        self._metadata.append(index)
+
+    def add_attachment(self, index: AttachmentIndex) -> None:
+        """An attachment was written."""
+        self._attachments.append(index)
+
+    def add_frame(self, frame: FrameChunk, offset: int) -> None:
+        """A frame was written at byte `offset`."""
+        index_start = offset + frame.chunk_bytes
+        self._chunks += record_bytes(
+            ChunkIndex(
+                chunk_length=frame.chunk_bytes,
+                chunk_start_offset=offset,
+                compression=frame.compression,
+                compressed_size=len(frame.packed),
+                message_end_time=frame.end_ns,
+                message_index_length=len(frame.index),
+                message_index_offsets={
+                    number: index_start + at for number, at in frame.index_offsets.items()
+                },
+                message_start_time=frame.start_ns,
+                uncompressed_size=frame.unpacked_bytes,
+            )
+        )
+        self._counts.update(frame.counts)
+        self._start_ns = min(self._start_ns, frame.start_ns) if self._frames else frame.start_ns
+        self._end_ns = max(self._end_ns, frame.end_ns)
+        self._frames += 1
+
+    def ending(self, offset: int, data_crc: int) -> bytes:
+        """All bytes after the last frame.
+
+        Args:
+            offset: byte after the last frame.
+            data_crc: CRC of the file up to there.
+        """
+        data_end = record_bytes(DataEnd(data_crc))
+        start = offset + len(data_end)
+        groups = {opcode: group for opcode, group in self._groups().items() if group}
+        summary = b"".join(groups.values())
+        offsets_start = start + len(summary)
+        summary += b"".join(_summary_offsets(groups, start))
+        footer = _footer(summary, start, offsets_start)
+        return data_end + summary + footer + MAGIC
+
+    def _groups(self) -> dict[int, bytes]:
+        """Records of the summary by kind, in the order of the file."""
+        used = sorted(self._counts)
+        schemas = sorted({schema_id(number) for number in used})
+        return {
+            Opcode.SCHEMA: b"".join(map(schema_record, schemas)),
+            Opcode.CHANNEL: b"".join(map(channel_record, used)),
+            Opcode.STATISTICS: record_bytes(self._statistics(len(schemas))),
+            Opcode.CHUNK_INDEX: bytes(self._chunks),
+            Opcode.ATTACHMENT_INDEX: b"".join(map(record_bytes, self._attachments)),
+            Opcode.METADATA_INDEX: b"".join(map(record_bytes, self._metadata)),
+        }
+
+    def _statistics(self, schemas: int) -> Statistics:
+        return Statistics(
+            attachment_count=len(self._attachments),
+            channel_count=len(self._counts),
+            channel_message_counts=dict(sorted(self._counts.items())),
+            chunk_count=self._frames,
+            message_count=self._counts.total(),
+            message_end_time=self._end_ns,
+            message_start_time=self._start_ns,
+            metadata_count=len(self._metadata),
+            schema_count=schemas,
+        )
+
+
+def _summary_offsets(groups: dict[int, bytes], start: int) -> list[bytes]:
+    records = []
+    for opcode, group in groups.items():
+        record = SummaryOffset(group_opcode=opcode, group_start=start, group_length=len(group))
+        records.append(record_bytes(record))
+        start += len(group)
+    return records
+
+
+def _footer(summary: bytes, start: int, offsets_start: int) -> bytes:
+    head = FOOTER_START.pack(Opcode.FOOTER, FOOTER.size, start, offsets_start)
+    crc = zlib.crc32(head, zlib.crc32(summary))
+    return record_bytes(
+        Footer(summary_start=start, summary_offset_start=offsets_start, summary_crc=crc)
+    )
