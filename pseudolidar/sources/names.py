@@ -17,7 +17,8 @@ _STAMP = re.compile(r"([0-9]{9,19})(\.[0-9]+)?")
 
 # A file name has at most 255 bytes; the rest is for extensions and temporary names.
 LONGEST_ID_BYTES = 160
-_UNSAFE = frozenset('<>:"/\\|?*%')
+# Illegal in names on some systems; the percent sign marks them; commas separate ids.
+_UNSAFE = frozenset('<>:"/\\|?*%,')
 _RESERVED = re.compile(r"(?:con|prn|aux|nul|com[0-9]|lpt[0-9])(?:\.|\Z)", re.IGNORECASE)
 
 

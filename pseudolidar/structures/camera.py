@@ -113,6 +113,15 @@ class DisparityCorrection:
         """(N,) px to subtract from measured disparities."""
         return self.features(d, u, v, size_px) @ self.coefficients
 
+    def scaled(self, ratio: float) -> DisparityCorrection:
+        """The correction for images whose width, and with it disparity, is `ratio` times as large.
+
+        The second coefficient is multiplied by the disparity, which already scales.
+        """
+        coefficients = self.coefficients * ratio
+        coefficients[1] = self.coefficients[1]
+        return replace(self, coefficients=coefficients, residual_px=self.residual_px * ratio)
+
 
 @dataclass(frozen=True, eq=False)
 class StereoRig:
@@ -248,6 +257,7 @@ class StereoRig:
             self,
             left=_scaled(self.left, width_px, height_px),
             right=_scaled(self.right, width_px, height_px),
+            correction=self.correction and self.correction.scaled(width_px / self.left.width_px),
         )
 
 

@@ -1,0 +1,133 @@
+"""A source seen through another rig: cameras, baseline and correction of a rig file."""
+
+from __future__ import annotations
+
+import datetime
+import re
+from dataclasses import dataclass, field, replace
+
+from pseudolidar.errors import CalibrationSizeMismatch, NotRectified, PseudolidarError
+from pseudolidar.formats.rig_json import rig_warnings
+from pseudolidar.sources.source import FrameSource, SourceSummary
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.frame import StereoFrame
+
+_DATE = re.compile(r"(?<![0-9])([0-9]{4})[-_./]([0-9]{2})[-_./]([0-9]{2})(?![0-9])")
+
+
+def with_rig(
+    source: FrameSource, rig: StereoRig, *, scale_calibration: bool = False
+) -> FrameSource:
+    """The source with the cameras, baseline and correction of `rig`.
+
+    Velodyne, IMU and poses stay those of the source; where it has none, those of `rig` count.
+
+    Args:
+        source: the source.
+        rig: rectified rig.
+        scale_calibration: scale `rig` to the images where they have another size.
+
+    Raises:
+        NotRectified: `rig` is not rectified.
+        CalibrationSizeMismatch: `rig` is for another image size.
+    """
+    if not rig.is_rectified:
+        raise NotRectified(
+            "a rig of unrectified cameras",
+            want="the rig of the rectified images that the source has",
+            fix="Give the rectified rig.",
+        )
+    size_px = source.rig.left.size_px
+    if not scale_calibration and rig.left.size_px != size_px:
+        raise _other_size(rig, size_px)
+    return RiggedSource(source, rig, scale_calibration, _notes(source.rig, rig))
+
+
+@dataclass(frozen=True, eq=False)
+class RiggedSource:
+    """A source with another rig.
+
+    Args:
+        source: where the frames come from.
+        given: the rig that replaces theirs.
+        scale_calibration: scale it to the images.
+        notes: what is odd about it.
+    """
+
+    source: FrameSource
+    given: StereoRig = field(repr=False)
+    scale_calibration: bool
+    notes: tuple[str, ...]
+
+    @property
+    def summary(self) -> SourceSummary:
+        """What it is."""
+        summary = self.source.summary
+        return replace(summary, notes=(*summary.notes, *self.notes))
+
+    @property
+    def rig(self) -> StereoRig:
+        """The given rig on the source."""
+        return self._on(self.source.rig)
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Names of the frames."""
+        return self.source.ids
+
+    @property
+    def timestamps_ns(self) -> tuple[int, ...]:
+        """Times of the frames."""
+        return self.source.timestamps_ns
+
+    @property
+    def refused(self) -> tuple[tuple[str, PseudolidarError], ...]:
+        """Frames known to be unusable."""
+        return self.source.refused
+
+    def load(self, index: int) -> StereoFrame:
+        """Frame `index` with the given rig.
+
+        Raises:
+            CalibrationSizeMismatch: this frame has another size.
+        """
+        frame = self.source.load(index)
+        return replace(frame, rig=self._on(frame.rig))
+
+    def _on(self, own: StereoRig) -> StereoRig:
+        rig = self.given
+        if rig.left.size_px != own.left.size_px:
+            if not self.scale_calibration:
+                raise _other_size(rig, own.left.size_px)
+            rig = rig.scaled_to(*own.left.size_px)
+        return replace(
+            rig,
+            T_left_velodyne=own.T_left_velodyne or rig.T_left_velodyne,
+            T_velodyne_imu=own.T_velodyne_imu or rig.T_velodyne_imu,
+        )
+
+
+def calibration_date(origin: str) -> datetime.date | None:
+    """The first date (2011-09-26, 2011_09_26) in the words about where a calibration is from."""
+    for match in _DATE.finditer(origin):
+        try:
+            return datetime.date(*(int(part) for part in match.groups()))
+        except ValueError:
+            continue
+    return None
+
+
+def _notes(own: StereoRig, given: StereoRig) -> tuple[str, ...]:
+    notes = [f"rig: {given.origin or 'given'}, instead of {own.origin or 'that of the source'}"]
+    dates = calibration_date(own.origin), calibration_date(given.origin)
+    if None not in dates and dates[0] != dates[1]:
+        notes.append(f"warning: the rig is of {dates[1]}, the source's calibration of {dates[0]}")
+    return (*notes, *rig_warnings(given))
+
+
+def _other_size(rig: StereoRig, size_px: tuple[int, int]) -> CalibrationSizeMismatch:
+    return CalibrationSizeMismatch(
+        f"a rig for images of {rig.left.width_px}x{rig.left.height_px}",
+        want=f"{size_px[0]}x{size_px[1]}, the size of the images",
+        fix="Pass --scale-calibration if the images were resized, or the right rig.",
+    )
