@@ -1,16 +1,8 @@
-"""Calibrations in KITTI's formats: object, odometry, stereo, tracking, raw.
-
-Everything KITTI says about frames is settled here once: its labels, poses and Velodyne extrinsics
-are in rectified camera 0, while the left picture is camera 2 or camera 0. Elsewhere there is only
-`camera_left`.
-"""
+"""KITTI's calibration files: object, tracking, odometry, stereo, raw; read_x beside write_x."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -18,20 +10,15 @@ from pseudolidar.errors import (
     CalibrationField,
     CalibrationSyntax,
     CalibrationValue,
-    PseudolidarError,
 )
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.key_values import KeyValues, key_values_text, read_key_values
+from pseudolidar.formats.kitti_calibration import FRAME_CAM0, WHICH_LAYOUT, KittiCalibration
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.text import read_lines
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.pose import ROTATION_TOLERANCE, Pose, rotation_error
-
-CameraPair = tuple[int, int]
-GREY: CameraPair = (0, 1)
-COLOUR: CameraPair = (2, 3)
-CAMERAS: Mapping[Literal["grey", "colour"], CameraPair] = {"grey": GREY, "colour": COLOUR}
 
 # KITTI writes 7 digits, so that a product of two of its rotations is off by some 1e-6.
 ROTATION_NOTED = 1e-5
@@ -40,8 +27,6 @@ CAM_TO_CAM, VELO_TO_CAM, IMU_TO_VELO = (
     "calib_velo_to_cam.txt",
     "calib_imu_to_velo.txt",
 )
-FRAME_CAM0 = "camera_0"
-WHICH_LAYOUT = "Is this file of the raw, the object or the odometry data, as you meant?"
 # The Velodyne and IMU transforms go by other names in the tracking and odometry data.
 VELODYNE_KEYS = ("Tr_velo_to_cam", "Tr_velo_cam", "Tr")
 IMU_KEYS = ("Tr_imu_to_velo", "Tr_imu_velo")
@@ -57,101 +42,6 @@ RAW_COUNTS = {
     r"P_rect_0[0-3]": 12,
 }
 RIGID_COUNTS = {"R": 9, "T": 3, r"delta_[fc]": 2}
-
-
-@dataclass(frozen=True, eq=False)
-class KittiCalibration:
-    """What KITTI's calibration files say, before a camera pair is chosen.
-
-    Args:
-        path: the file (or the one with the cameras).
-        projections: (3, 4) float64 by camera number: points of rectified camera 0 to pixels.
-        T_cam0_velodyne: where the file has it, R_rect folded in.
-        T_velodyne_imu: where the file has it.
-        sizes_px: (width, height) by camera number, where the file has them.
-        notes: what is odd about it.
-    """
-
-    path: Path
-    projections: Mapping[int, Float64]
-    T_cam0_velodyne: Pose | None = None
-    T_velodyne_imu: Pose | None = None
-    sizes_px: Mapping[int, tuple[int, int]] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
-
-    def T_left_cam0(self, left: int) -> Pose:
-        """Pose of rectified camera 0 in the left camera, number `left`.
-
-        P = K [I | t] exactly, third row and last column included: t = K^-1 p4.
-        """
-        return Pose.from_rotation("camera_left", FRAME_CAM0, np.eye(3), self._offset_m(left))
-
-    def rig(self, cameras: CameraPair, *, size_px: tuple[int, int] | None = None) -> StereoRig:
-        """The rectified rig of two of the cameras.
-
-        Args:
-            cameras: numbers of the left and the right one.
-            size_px: (width, height) of the images, for files that do not say it.
-
-        Raises:
-            CalibrationField: a camera is not in the file, or nobody knows the image size.
-            CalibrationValue: focal length, principal point or baseline impossible.
-        """
-        left, right = cameras
-        T_left_cam0 = self.T_left_cam0(left)
-        offset_m = self._offset_m(right) - self._offset_m(left)
-        velodyne = self.T_cam0_velodyne
-        try:
-            return StereoRig(
-                left=self._camera(left, "camera_left", size_px),
-                right=self._camera(right, "camera_right", size_px),
-                T_right_left=Pose.from_rotation("camera_right", "camera_left", np.eye(3), offset_m),
-                T_left_velodyne=None if velodyne is None else T_left_cam0 @ velodyne,
-                T_velodyne_imu=self.T_velodyne_imu,
-                origin=f"{self.path.name}, cameras {left} and {right}",
-            )
-        except PseudolidarError as error:
-            error.located(self.path)
-            raise
-
-    def has(self, cameras: CameraPair) -> bool:
-        """Whether both cameras are calibrated."""
-        return all(camera in self.projections for camera in cameras)
-
-    def _projection(self, camera: int) -> Float64:
-        if camera not in self.projections:
-            found = ", ".join(f"P{number}" for number in sorted(self.projections))
-            raise CalibrationField(
-                f"no P{camera}; found {found or 'no camera at all'}",
-                want=f"P{camera}",
-                fix=WHICH_LAYOUT,
-                path=self.path,
-                where=f"P{camera}",
-            )
-        return self.projections[camera]
-
-    def _offset_m(self, camera: int) -> Float64:
-        P = self._projection(camera)
-        try:
-            return np.asarray(np.linalg.solve(P[:, :3], P[:, 3]), dtype=np.float64)
-        except np.linalg.LinAlgError:
-            raise CalibrationValue(
-                "a singular projection matrix",
-                want="focal lengths above 0",
-                path=self.path,
-                where=f"P{camera}",
-            ) from None
-
-    def _camera(self, number: int, frame: str, size_px: tuple[int, int] | None) -> Camera:
-        size = self.sizes_px.get(number, size_px)
-        if size is None:
-            raise CalibrationField("no image size", want=f"S_rect_0{number}", path=self.path)
-        return Camera(
-            K=self._projection(number)[:, :3].copy(),
-            width_px=size[0],
-            height_px=size[1],
-            frame=frame,
-        )
 
 
 # --- object, tracking, stereo 2012, odometry: one file, rows P0..P3 and transforms --------------
@@ -299,14 +189,15 @@ def read_raw_calib(
         {n: cameras.values[f"P_rect_0{n}"].reshape(3, 4) for n in numbers},
         velodyne,
         imu,
-        {n: _size_px(cameras, f"S_rect_0{n}") for n in numbers if f"S_rect_0{n}" in cameras},
+        _sizes_px(cameras, "S_rect_0"),
+        _sizes_px(cameras, "S_0"),
         tuple(notes),
     )
 
 
-def _size_px(fields: KeyValues, key: str) -> tuple[int, int]:
-    width, height = fields.require(key)
-    return round(float(width)), round(float(height))
+def _sizes_px(fields: KeyValues, prefix: str) -> dict[int, tuple[int, int]]:
+    sizes = {n: fields.values[f"{prefix}{n}"] for n in range(4) if f"{prefix}{n}" in fields}
+    return {n: (round(float(size[0])), round(float(size[1]))) for n, size in sizes.items()}
 
 
 def write_raw_calib(folder: Path, rig: StereoRig, *, calib_time: str = "") -> None:

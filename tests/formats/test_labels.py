@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from pseudolidar.errors import LabelError
-from pseudolidar.formats.kitti import COLOUR, FRAME_CAM0, read_object_calib
+from pseudolidar.formats.kitti import read_object_calib
+from pseudolidar.formats.kitti_calibration import COLOUR, FRAME_CAM0
 from pseudolidar.formats.labels import (
     read_labels,
     read_tracking_labels,
