@@ -147,7 +147,8 @@ class Bm:
         matcher.setUniquenessRatio(self.uniqueness_percent)
         matcher.setPreFilterCap(self.pre_filter_cap)
         matcher.setSpeckleWindowSize(self.speckle_pixels)
-        matcher.setSpeckleRange(self.speckle_step_px)
+        # unlike StereoSGBM, which multiplies by itself
+        matcher.setSpeckleRange(self.speckle_step_px * _SUBPIXEL)
         matcher.setDisp12MaxDiff(-1 if self.right_matcher else self.agreement_px)
         return matcher
 
