@@ -180,9 +180,8 @@ def _check_layout(header: ImageHeader, limits: Limits) -> None:
 def _decode(data: bytes, header: ImageHeader) -> Image:
     import cv2
 
+    # IMREAD_COLOR_RGB is left out: in OpenCV 5.0 it garbles 16-bit TIFF.
     flags = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
-    if not header.is_grey:
-        flags |= cv2.IMREAD_COLOR_RGB
     try:
         decoded = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error as error:
@@ -202,9 +201,11 @@ def _decode(data: bytes, header: ImageHeader) -> Image:
             f"decoded to {pixels.dtype} of shape {pixels.shape}",
             want=f"{header.width_px}x{header.height_px} pixels as the header says",
         )
-    if header.is_grey and pixels.ndim == 3:
+    if pixels.ndim == 2:
+        return pixels
+    if header.is_grey:
         return cast("Image", np.ascontiguousarray(pixels[:, :, 0]))
-    return pixels
+    return cast("Image", cv2.cvtColor(pixels, cv2.COLOR_BGR2RGB))
 
 
 def _encode(pixels: Image, extension: str, settings: list[int]) -> bytes:
