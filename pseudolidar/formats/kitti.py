@@ -8,6 +8,7 @@ import numpy as np
 
 from pseudolidar.errors import (
     CalibrationField,
+    CalibrationMissing,
     CalibrationSyntax,
     CalibrationValue,
 )
@@ -100,7 +101,8 @@ def _of_sequence(fields: KeyValues) -> KittiCalibration:
 
 
 def _unlabelled(path: Path, limits: Limits) -> KittiCalibration | None:
-    lines = [line for line in read_lines(path, error=CalibrationSyntax, limits=limits) if line.text]
+    every = read_lines(path, error=CalibrationSyntax, missing=CalibrationMissing, limits=limits)
+    lines = [line for line in every if line.text]
     if not lines or lines[0].text.lstrip(" \t")[0] not in "+-.0123456789":
         return None
     names = ("P0", "P1", "P2", "P3", "Tr")
