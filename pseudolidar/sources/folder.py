@@ -14,6 +14,7 @@ from pseudolidar.errors import (
     UsageError,
 )
 from pseudolidar.formats.image import read_image, read_size
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.rig_json import missing_rig, read_rig, rig_warnings
 from pseudolidar.formats.timestamps import read_times
 from pseudolidar.sources.folder_layout import (
@@ -50,6 +51,7 @@ class Folders:
         rate_hz: frames a second, where no times are known.
         tolerance_s: names that are times are paired up to this difference.
         scale_calibration: scale the rig where pictures have another size.
+        limits: caps on the files.
     """
 
     path: str
@@ -60,6 +62,7 @@ class Folders:
     rate_hz: float = 10.0
     tolerance_s: float = 0.01
     scale_calibration: bool = False
+    limits: Limits = DEFAULT_LIMITS
 
     def open(self) -> FolderSource:
         """List and pair the pictures, read the rig.
@@ -85,16 +88,16 @@ class Folders:
             rights=tuple(pair.right for pair in pairing.pairs),
             rigs=rigs,
             scale_calibration=self.scale_calibration,
+            limits=self.limits,
         )
         if not self.scale_calibration:
             source.check_sizes()
         return source
 
     @classmethod
-    def looks_like(cls, path: str) -> bool:
+    def looks_like(cls, path: Path) -> bool:
         """Whether `path` holds pairs of pictures."""
-        settings = cls(path)
-        return find_layout(Path(path), tolerance_s=settings.tolerance_s) is not None
+        return find_layout(path, tolerance_s=cls.tolerance_s) is not None
 
     def _layout(self) -> Layout:
         folder = Path(self.path)
@@ -134,6 +137,7 @@ class FolderSource:
         rights: right pictures.
         rigs: one for all frames, or one for each.
         scale_calibration: scale the rig to the pictures.
+        limits: caps on the pictures.
     """
 
     summary: SourceSummary
@@ -144,6 +148,7 @@ class FolderSource:
     rights: tuple[Path, ...]
     rigs: tuple[StereoRig, ...] = field(repr=False)
     scale_calibration: bool = False
+    limits: Limits = DEFAULT_LIMITS
 
     @property
     def rig(self) -> StereoRig:
@@ -158,7 +163,8 @@ class FolderSource:
             PairMismatch: left and right differ in size, channels or depth.
             CalibrationSizeMismatch: the rig is for another size.
         """
-        left, right = read_image(self.lefts[index]), read_image(self.rights[index])
+        left = read_image(self.lefts[index], limits=self.limits)
+        right = read_image(self.rights[index], limits=self.limits)
         height, width = left.pixels.shape[:2]
         rig = self._rig_of(index)
         if self.scale_calibration and rig.left.size_px != (width, height):
@@ -181,7 +187,7 @@ class FolderSource:
         mismatch: PseudolidarError | None = None
         for index, path in enumerate(self.lefts):
             try:
-                width, height = read_size(path)
+                width, height = read_size(path, limits=self.limits)
             except PseudolidarError:
                 continue  # its frame is refused when it is loaded
             try:
