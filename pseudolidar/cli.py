@@ -18,6 +18,7 @@ from pseudolidar.commandline.outcome import (
 from pseudolidar.commandline.overview import overview, version_line
 from pseudolidar.commandline.streams import (
     escape_what_the_terminal_cannot_show,
+    lines_of_the_library,
     output_kept_clean,
     write_result,
 )
@@ -47,7 +48,7 @@ def main(argv: list[str] | None = None) -> int:
     prepare_kernel_cache()
     as_json, debug = take_switch(args, "--json"), take_switch(args, "--debug")
     results = output_kept_clean() if as_json else contextlib.nullcontext(sys.stdout)
-    with results as out, StopSignals():
+    with results as out, lines_of_the_library(), StopSignals():
         return _run(args, out, as_json=as_json, debug=debug)
 
 

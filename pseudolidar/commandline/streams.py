@@ -4,10 +4,33 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import os
 import sys
 from collections.abc import Iterator
 from typing import TextIO
+
+
+class _StderrLines(logging.Handler):
+    """Writes each message as a line to what `sys.stderr` is at that moment (progress bars too)."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        sys.stderr.write(self.format(record) + "\n")
+        sys.stderr.flush()
+
+
+@contextlib.contextmanager
+def lines_of_the_library() -> Iterator[None]:
+    """Show what the library has to say (its logger `pseudolidar`, from INFO) meanwhile."""
+    logger, handler = logging.getLogger("pseudolidar"), _StderrLines()
+    level = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
 
 
 @contextlib.contextmanager

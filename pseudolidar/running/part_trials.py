@@ -1,0 +1,181 @@
+"""Trials of the parts of an installation: each does a little real work and checks the result.
+
+`python -m pseudolidar.running.part_trials NAME` runs one, so that a library that kills the process
+is found out from outside.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from pseudolidar.errors import PseudolidarError, StructureError
+from pseudolidar.structures.arrays import UInt8
+from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.pose import Pose
+
+_HEIGHT, _WIDTH = 96, 192
+_SHIFT_PX = 8
+_SEED = 7
+_FOCAL_PX, _BASELINE_M = 100.0, 0.5
+
+
+def images() -> str:
+    """Encode and decode pictures."""
+    from pseudolidar.formats.image import decode_image, encode_jpeg, encode_png
+
+    picture = np.ascontiguousarray(_texture()[:, :_WIDTH])
+    _check(np.array_equal(decode_image(encode_png(picture), "trial.png").pixels, picture), "PNG")
+    jpeg = decode_image(encode_jpeg(picture), "trial.jpg").pixels
+    _check(jpeg.shape == picture.shape, "JPEG")
+    return "PNG and JPEG written and read"
+
+
+def matcher() -> str:
+    """Compile or load the kernels and match a pair of known disparity, both qualities."""
+    from pseudolidar.stereo.census import Census
+
+    frame = trial_frame()
+    qualities: tuple[Literal["fast", "fine"], ...] = ("fast", "fine")
+    for quality in qualities:
+        found = Census(quality=quality, disparities=32).load()(frame)
+        median = float(np.nanmedian(found.values))
+        _check(abs(median - _SHIFT_PX) < 0.5, f"{quality}: {median} px, want {_SHIFT_PX}")
+    return "kernels compiled, known disparity found"
+
+
+def clouds() -> str:
+    """Write and read a point cloud, compressed too."""
+    from pseudolidar.formats.pcd import read_pcd, write_pcd
+
+    cloud = PointCloud(np.random.default_rng(_SEED).random((500, 3), np.float32), "camera_left")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "trial.pcd"
+        write_pcd(path, cloud, encoding="binary_compressed")
+        _check(np.array_equal(read_pcd(path).xyz, cloud.xyz), "PCD")
+    return "PCD written and read"
+
+
+def recordings() -> str:
+    """Write an MCAP and read it with the library's own reader."""
+    from mcap.reader import make_reader
+
+    from pseudolidar.formats.mcap import McapLog
+    from pseudolidar.formats.mcap_frame import pack_frame
+    from pseudolidar.formats.mcap_messages import frame_messages
+    from pseudolidar.formats.mcap_prolog import McapProlog
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "trial.mcap"
+        with McapLog(path, McapProlog({"version": "trial"})) as log:
+            log.append(pack_frame(frame_messages(trial_frame()), index=0))
+        with path.open("rb") as file:
+            count = sum(1 for _ in make_reader(file).iter_messages())
+    _check(count > 0, "no message came back")
+    return f"MCAP written and read, {count} messages"
+
+
+def reports() -> str:
+    """Draw a figure and fill a template."""
+    import jinja2
+    from matplotlib.figure import Figure
+
+    figure, drawn = Figure(), io.BytesIO()
+    figure.subplots().plot([0, 1])
+    figure.savefig(drawn, format="png")
+    _check(drawn.tell() > 0, "no figure")
+    _check(jinja2.Template("{{ 1 + 1 }}").render() == "2", "no template")
+    return "figure drawn, template filled"
+
+
+def worlds() -> str:
+    """Cast a ray at a triangle."""
+    from pseudolidar.geometry.open3d_library import load_open3d
+
+    open3d = load_open3d()
+    scene = open3d.t.geometry.RaycastingScene()
+    corners = np.array([[-1, -1, 5], [1, -1, 5], [0, 1, 5]], np.float32)
+    scene.add_triangles(corners, np.array([[0, 1, 2]], np.uint32))
+    hit = scene.cast_rays(open3d.core.Tensor([[0, 0, 0, 0, 0, 1]], open3d.core.float32))
+    distance_m = float(hit["t_hit"].numpy()[0])
+    _check(abs(distance_m - 5) < 1e-5, f"{distance_m} m, want 5")
+    return "ray cast"
+
+
+def processor() -> str:
+    """What LLVM compiles the kernels for, and what that means for speed."""
+    from llvmlite import binding
+
+    features = {name for name, on in binding.get_host_cpu_features().items() if on}
+    level, speed = next(
+        (level, speed) for level, needed, speed in _SIMD_LEVELS if needed <= features
+    )
+    return f"{binding.get_host_cpu_name()}, {level}: {speed}"
+
+
+# Matching time of one KITTI pair on one thread against OpenCV's three-way SGBM in the same run,
+# by what the kernels were compiled for; measured on a machine with AVX-512, 2026-11.
+_SIMD_LEVELS: tuple[tuple[str, frozenset[str], str], ...] = (
+    ("AVX-512", frozenset({"avx512bw", "avx512vl"}), "matching at full speed"),
+    ("AVX2", frozenset({"avx2"}), "matching takes about 1.6 times as long as with AVX-512"),
+    ("SSE4.2", frozenset({"sse4.2"}), "matching takes about 2.5 times as long as with AVX-512"),
+    ("NEON", frozenset({"neon"}), "vectorised; its speed was not measured"),
+    ("no SIMD that we know", frozenset(), "matching may be slow"),
+)
+
+
+TRIALS: dict[str, Callable[[], str]] = {
+    trial.__name__: trial
+    for trial in (images, matcher, clouds, recordings, reports, worlds, processor)
+}
+
+
+def trial_frame() -> StereoFrame:
+    """A small textured pair of one known disparity."""
+    texture = _texture()
+    left = np.ascontiguousarray(texture[:, :_WIDTH])
+    right = np.ascontiguousarray(texture[:, _SHIFT_PX : _SHIFT_PX + _WIDTH])
+    K = np.array([[_FOCAL_PX, 0, _WIDTH / 2], [0, _FOCAL_PX, _HEIGHT / 2], [0, 0, 1]])
+    rig = StereoRig(
+        Camera(K, _WIDTH, _HEIGHT, frame="camera_left"),
+        Camera(K, _WIDTH, _HEIGHT, frame="camera_right"),
+        Pose.from_rotation(
+            "camera_right", "camera_left", np.eye(3), np.array([-_BASELINE_M, 0.0, 0.0])
+        ),
+    )
+    return StereoFrame(left, right, rig, id="trial", index=0, timestamp_ns=10**9)
+
+
+def _texture() -> UInt8:
+    """Smooth random colours, wider than the picture by the shift."""
+    noise = np.random.default_rng(_SEED).integers(0, 256, (_HEIGHT, _WIDTH + _SHIFT_PX, 3))
+    smooth = noise + np.roll(noise, 1, axis=0) + np.roll(noise, 1, axis=1)
+    return (smooth // 3).astype(np.uint8)
+
+
+def _check(fine: bool, what: str) -> None:
+    if not fine:
+        raise StructureError(f"trial failed: {what}", want="the known result")
+
+
+def main(name: str) -> dict[str, str]:
+    """Run one trial: `found` holds what worked, or `got` and `fix` what did not."""
+    try:
+        return {"found": TRIALS[name]()}
+    except PseudolidarError as error:
+        return {"got": error.got, "fix": error.fix}
+    except ImportError as error:
+        return {"got": str(error), "module": (error.name or "").partition(".")[0], "fix": ""}
+
+
+if __name__ == "__main__":
+    sys.stdout.write("\n" + json.dumps(main(sys.argv[1])) + "\n")

@@ -1,0 +1,31 @@
+"""Tables for the terminal, and for files that a terminal's output is sent to."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Sequence
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+_MIN_WIDTH = 80
+
+
+def table_text(rows: Iterable[Sequence[str]], *, header: Sequence[str] = ()) -> str:
+    """Aligned columns; the last one is wrapped at the terminal's width.
+
+    Args:
+        rows: texts, one sequence a row, all of one length.
+        header: names of the columns, if they need any.
+    """
+    console = Console(file=io.StringIO(), width=max(Console().width, _MIN_WIDTH))
+    table = Table(box=box.SIMPLE_HEAD if header else None, show_header=bool(header))
+    rows = list(rows)
+    for i in range(len(rows[0]) if rows else 0):
+        table.add_column(header[i] if header else "", overflow="fold", no_wrap=False)
+    for row in rows:
+        table.add_row(*(cell.replace("[", r"\[") for cell in row))
+    with console.capture() as captured:
+        console.print(table)
+    return "\n".join(line.rstrip() for line in captured.get().splitlines())
