@@ -10,7 +10,7 @@ from typing import Literal
 
 from pseudolidar.errors import PseudolidarError, SourceEmpty
 from pseudolidar.formats.disparity_png import read_disparity_png
-from pseudolidar.formats.image import read_image
+from pseudolidar.formats.image import read_image, read_size
 from pseudolidar.formats.kitti import read_object_calib, read_odometry_calib, read_raw_calib
 from pseudolidar.formats.kitti_calibration import CameraPair, KittiCalibration
 from pseudolidar.formats.labels import read_labels, unknown_classes
@@ -230,15 +230,9 @@ def _first_rig(frames: Sequence[FrameFiles], cameras: CameraPair, limits: Limits
     for files in frames[:FRAMES_TRIED]:
         try:
             calibration = calibration_of(files, limits)
-            size_px = calibration.sizes_px.get(cameras[0]) or image_size_px(files.left, limits)
+            size_px = calibration.sizes_px.get(cameras[0]) or read_size(files.left, limits=limits)
             return calibration.rig(cameras, size_px=size_px)
         except PseudolidarError as error:
             first_error = first_error or error
     assert first_error is not None
     raise first_error
-
-
-def image_size_px(path: Path, limits: Limits) -> tuple[int, int]:
-    """(width, height) of a picture file."""
-    height, width = read_image(path, limits=limits).pixels.shape[:2]
-    return width, height

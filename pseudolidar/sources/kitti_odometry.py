@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pseudolidar.errors import CalibrationMissing, PoseFileError, SourceUnknown
+from pseudolidar.formats.image import read_size
 from pseudolidar.formats.kitti import read_odometry_calib
 from pseudolidar.formats.kitti_calibration import KittiCalibration
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.timestamps import read_times
 from pseudolidar.formats.trajectory import body_poses, read_kitti_poses
 from pseudolidar.geometry.frames import left_in_base_link
-from pseudolidar.sources.kitti_frames import FrameFiles, KittiFrames, image_size_px, opened
+from pseudolidar.sources.kitti_frames import FrameFiles, KittiFrames, opened
 from pseudolidar.sources.kitti_parts import (
     SCAN_SUFFIXES,
     CameraChoice,
@@ -187,7 +188,7 @@ def _poses(
             path=path,
             where=f"row {len(camera_poses) + 1}",
         )
-    size_px = image_size_px(cameras.left.paths[numbers[0]], limits)
+    size_px = read_size(cameras.left.paths[numbers[0]], limits=limits)
     rig = calibration.rig(cameras.numbers, size_px=size_px)
     left = cameras.numbers[0]
     return body_poses(camera_poses, left_in_base_link(rig) @ calibration.T_left_cam0(left))

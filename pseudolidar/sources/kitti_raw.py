@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pseudolidar.errors import CalibrationMissing, NotRectified, SourceUnknown
+from pseudolidar.formats.image import read_size
 from pseudolidar.formats.kitti import CAM_TO_CAM, IMU_TO_VELO, VELO_TO_CAM, read_raw_calib
 from pseudolidar.formats.kitti_calibration import KittiCalibration
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.oxts import OxtsPacket, read_oxts
 from pseudolidar.formats.timestamps import read_timestamps
-from pseudolidar.sources.kitti_frames import FrameFiles, KittiFrames, image_size_px, opened
+from pseudolidar.sources.kitti_frames import FrameFiles, KittiFrames, opened
 from pseudolidar.sources.kitti_parts import (
     SCAN_SUFFIXES,
     TEXT_SUFFIXES,
@@ -185,7 +186,7 @@ def _refuse_unrectified(
     raw_px, rectified_px = calibration.raw_sizes_px.get(camera), calibration.sizes_px.get(camera)
     unrectified = drive.name.endswith(UNRECTIFIED)
     if not unrectified and raw_px is not None and raw_px != rectified_px:
-        unrectified = image_size_px(first, limits) == raw_px
+        unrectified = read_size(first, limits=limits) == raw_px
     if unrectified:
         raise NotRectified(
             "a drive of the unrectified data",
