@@ -6,10 +6,11 @@ import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Self
 
 from pseudolidar.errors import OutputError
 from pseudolidar.formats.atomic import free_bytes
+from pseudolidar.running.product import Product
 from pseudolidar.running.stream import Done, attempt, default_workers
 from pseudolidar.sources.source import FrameSource
 from pseudolidar.structures.frame import StereoFrame
@@ -18,8 +19,6 @@ from pseudolidar.structures.frame import StereoFrame
 # kernels up, so the second one is timed.
 TRIES, WANTED = 5, 2
 MEGABYTE = 1e6
-
-Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -41,8 +40,12 @@ class Rehearsal:
     folder: Path
     exit_code: int = 0
 
-    def check_fits(self) -> None:
-        """Raise `OutputError` unless the run will fit on the disk."""
+    def checked(self) -> Self:
+        """Itself, if the run will fit on the disk.
+
+        Raises:
+            OutputError: it will not.
+        """
         if self.bytes > self.free:
             raise OutputError(
                 f"{self.frames} frames will take about {self.bytes} bytes, {self.free} are free",
@@ -50,6 +53,7 @@ class Rehearsal:
                 fix="Free some space, choose another disk, or ask for fewer frames or formats.",
                 path=self.folder,
             )
+        return self
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -66,9 +70,8 @@ class Rehearsal:
 
 def rehearse(
     source: FrameSource,
-    per_frame: Callable[[StereoFrame], Result],
+    per_frame: Callable[[StereoFrame], Product],
     *,
-    weigh: Callable[[Result], int],
     folder: Path,
     workers: int | None = None,
     skip: Collection[str] = (),
@@ -78,7 +81,6 @@ def rehearse(
     Args:
         source: what the run will read.
         per_frame: what it will do.
-        weigh: bytes that a result will have on the disk.
         folder: where it will write.
         workers: threads it will use; None for one per core.
         skip: ids that are done already.
@@ -91,7 +93,7 @@ def rehearse(
         outcome = attempt(source, per_frame, index)
         seconds = time.monotonic() - begin_s
         if isinstance(outcome, Done):
-            sizes.append(weigh(outcome.value))
+            sizes.append(outcome.value.nbytes)
         if len(sizes) == min(WANTED, len(todo)):
             break
     mean = sum(sizes) / len(sizes) if sizes else 0.0

@@ -14,6 +14,8 @@ from pseudolidar import __version__
 from pseudolidar.errors import printable
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.running.record import FrameRecord
+from pseudolidar.running.settings_json import to_json
+from pseudolidar.running.settings_schema import choice_name
 from pseudolidar.sources.source import SourceSummary
 
 SCHEMA = 1
@@ -59,7 +61,7 @@ class RunResult:
         records: the last record of each frame that is done with.
         passed_now: frames that passed in this run; the others were committed before.
         times: of this run, as in `run.json`.
-        stopped_by: exit code of the signal that ended it early, or None.
+        ended_by: exit code of the signal or error that ended it early, or 0.
     """
 
     source: SourceSummary
@@ -67,7 +69,7 @@ class RunResult:
     records: tuple[FrameRecord, ...]
     passed_now: int
     times: dict[str, Any] = field(default_factory=dict)
-    stopped_by: int | None = None
+    ended_by: int = 0
 
     @property
     def skipped(self) -> tuple[FrameRecord, ...]:
@@ -81,10 +83,8 @@ class RunResult:
 
     @property
     def exit_code(self) -> int:
-        """0 all done, 4 some frames skipped, 130 or 143 stopped by a signal."""
-        if self.stopped_by is not None:
-            return self.stopped_by
-        return SOME_SKIPPED if self.skipped else ALL_DONE
+        """0 all done, 4 some frames skipped, else of what ended the run early."""
+        return self.ended_by or (SOME_SKIPPED if self.skipped else ALL_DONE)
 
     @property
     def figures(self) -> dict[str, dict[str, float]]:
@@ -98,7 +98,7 @@ class RunResult:
             "committed": len(self.committed),
             "skipped": len(self.skipped),
             "passed_now": self.passed_now,
-            "stopped": self.stopped_by is not None,
+            "ended_early": self.ended_by != ALL_DONE,
             "exit_code": self.exit_code,
             "figures": self.figures,
             "times": self.times,
@@ -127,23 +127,26 @@ class RunResult:
         return [*lines, f"  ... and {more} more, see report.json"] if more > 0 else lines
 
     def _stop_lines(self) -> list[str]:
-        if self.stopped_by is None:
-            return []
-        return ["stopped; the same command continues from here"]
+        return ["stopped; the same command continues from here"] if self.ended_by else []
 
 
-def write_results(folder: Path, result: RunResult, *, verb: str, settings: dict[str, Any]) -> None:
+def write_results(folder: Path, result: RunResult, job: object) -> None:
     """Write `run.json` (how the run went, enough to repeat it) and `report.json` (every frame).
+
+    Args:
+        folder: output folder.
+        result: how the run ended.
+        job: settings of the pipeline; their class is named after the verb.
 
     Raises:
         OutputError: the disk is full or gone.
     """
     summary = {"path": result.source.path, "kind": result.source.kind, "line": result.source.line}
-    head = {"schema": SCHEMA, "verb": verb, "version": __version__}
+    head = {"schema": SCHEMA, "verb": choice_name(type(job)), "version": __version__}
     source = {"absent": list(result.source.absent), "notes": list(result.source.notes)}
     run = {
         **head,
-        "settings": settings,
+        "settings": to_json(job),
         "source": summary | source,
         "python": platform.python_version(),
         "machine": platform.machine(),

@@ -3,21 +3,37 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
+from pseudolidar.errors import OutputError, PseudolidarError
 from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.folder import own_folder
+from pseudolidar.running.identity import identity
 from pseudolidar.running.journal import Journal
+from pseudolidar.running.product import Product
 from pseudolidar.running.progress import FrameProgress
-from pseudolidar.running.record import FileRecord, FrameRecord, OutputFile
-from pseudolidar.running.results import RunResult, Stopwatch
+from pseudolidar.running.record import FileRecord, FrameRecord
+from pseudolidar.running.results import RunResult, Stopwatch, write_results
 from pseudolidar.running.signals import Stopped, StopSignals
-from pseudolidar.running.stream import Done, Skipped
+from pseudolidar.running.stream import Done, Skipped, stream
 from pseudolidar.sources.source import FrameSource
+from pseudolidar.structures.frame import StereoFrame
 
 Result = TypeVar("Result")
+
+
+class RunSettings(Protocol):
+    """What every pipeline's settings have."""
+
+    @property
+    def on_error(self) -> OnError:
+        """What a bad frame does."""
+
+    @property
+    def overwrite(self) -> bool:
+        """Start anew, whatever the journal of the output folder holds."""
 
 
 class Run:
@@ -43,29 +59,29 @@ class Run:
         self.folder, self.source = folder, source
         self._journal, self._on_error, self._signals = journal, on_error, signals
         self._watch = Stopwatch()
-        self._stopped: Stopped | None = None
+        self._ended_by = 0
+        self._hopeless: frozenset[str] = frozenset()
 
     @classmethod
     @contextlib.contextmanager
     def open(
         cls,
         folder: Path,
-        settings: dict[str, Any],
+        job: RunSettings,
         source: FrameSource,
         *,
-        on_error: OnError = "skip",
-        overwrite: bool = False,
+        products: Sequence[str] = (),
     ) -> Iterator[Self]:
         """Take the folder, start or continue its journal, and catch signals until the block ends.
 
-        Ctrl-C and SIGTERM end the block early, in order; `result` then tells so.
+        Ctrl-C and SIGTERM end the block early, in order; `result` then tells so. However it ends,
+        `run.json` and `report.json` are written.
 
         Args:
             folder: output folder.
-            settings: all that decides about the bytes of the results, plain JSON values.
+            job: settings of the pipeline.
             source: where the frames come from.
-            on_error: what a bad frame does.
-            overwrite: start anew, whatever the journal of the folder holds.
+            products: names of the files that belong to no single frame, for `--overwrite`.
 
         Raises:
             OutputError: the folder cannot be written to.
@@ -74,19 +90,44 @@ class Run:
         """
         with (
             own_folder(folder),
-            Journal.open(folder, settings, overwrite=overwrite) as journal,
+            Journal.open(
+                folder, identity(job, source), products=products, overwrite=job.overwrite
+            ) as journal,
             StopSignals() as signals,
         ):
-            run = cls(folder, journal, source, on_error=on_error, signals=signals)
+            run = cls(folder, journal, source, on_error=job.on_error, signals=signals)
             try:
                 yield run
             except Stopped as stopped:
-                run._stopped = stopped
+                run._ended_by = stopped.exit_code
+            except PseudolidarError as error:
+                run._ended_by = error.exit_code
+                with contextlib.suppress(OutputError):  # the first one is the one to tell
+                    write_results(folder, run.result(), job)
+                raise
+            write_results(folder, run.result(), job)
 
-    @property
-    def committed(self) -> frozenset[str]:
-        """Ids of frames that are done and durable."""
-        return frozenset(self._journal.committed)
+    def expected(
+        self, per_frame: Callable[[StereoFrame], Any], *, workers: int | None = None
+    ) -> tuple[str, ...]:
+        """Ids of the frames that the results will hold: all but those that failed and fail again.
+
+        Frames that an earlier run skipped are tried here and thrown away, before anything is
+        written: one that was mended belongs between frames that a recording may hold already.
+        """
+        failed = {record.id for record in self._journal.records() if record.skipped is not None}
+        others = frozenset(self.source.ids) - failed
+        outcomes = stream(self.source, per_frame, workers=workers, skip=others) if failed else ()
+        self._hopeless = frozenset(o.id for o in outcomes if isinstance(o, Skipped))
+        return tuple(name for name in self.source.ids if name not in self._hopeless)
+
+    def settled(self, held: Collection[str]) -> frozenset[str]:
+        """Ids of frames that need not be done: committed and `held`, or hopeless.
+
+        Args:
+            held: frames that the recording has.
+        """
+        return self._hopeless | (self._journal.committed & frozenset(held))
 
     def good(self, outcomes: Iterable[Done[Result] | Skipped]) -> Iterator[Done[Result]]:
         """The frames of `stream` that passed; the others are noted, as long as they are few.
@@ -98,7 +139,8 @@ class Run:
         with FrameProgress(total, done=len(self._journal.committed)) as progress:
 
             def skipped(frame: Skipped) -> None:
-                self._journal.commit(FrameRecord.of_skipped(frame))
+                with self._signals.held():
+                    self._journal.commit(FrameRecord.of_skipped(frame))
                 progress.skip()
 
             for frame in good_frames(
@@ -108,14 +150,13 @@ class Run:
                 self._watch.lap(frame.cpu_s)
                 progress.advance()
 
-    def commit(
-        self, frame: Done[Any], figures: dict[str, Any], files: Sequence[OutputFile] = ()
-    ) -> None:
+    def commit(self, frame: Done[Product]) -> None:
         """Make the files of a frame durable and note it; a signal waits until that is done.
 
         Raises:
             OutputError: the disk is full or gone; the frame is then not committed.
         """
+        files, figures = frame.value.files, frame.value.figures
         names = tuple(FileRecord(file.name, len(file.data), file.sha256) for file in files)
         with self._signals.held():
             self._journal.commit(FrameRecord(frame.id, frame.index, names, figures), files)
@@ -132,5 +173,5 @@ class Run:
             tuple(self.records()),
             self._watch.frames,
             self._watch.as_dict(),
-            self._stopped.exit_code if self._stopped else None,
+            self._ended_by,
         )

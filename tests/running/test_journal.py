@@ -3,7 +3,8 @@ import json
 import pytest
 
 from pseudolidar.errors import OutputSettings
-from pseudolidar.running.journal import JOURNAL_NAME, Journal
+from pseudolidar.running.journal import Journal
+from pseudolidar.running.journal_file import JOURNAL_NAME
 from pseudolidar.running.record import FileRecord, FrameRecord, OutputFile
 
 SETTINGS = {"matcher": {"kind": "census", "quality": "fast"}, "to": "pcd"}
@@ -129,7 +130,7 @@ def test_a_journal_cannot_name_files_outside(three_frames, tmp_path_factory):
 
 
 def test_a_journal_of_something_else_is_refused(tmp_path):
-    (tmp_path / JOURNAL_NAME).write_bytes(b'{"schema": 99, "settings": {}}\n')
+    (tmp_path / JOURNAL_NAME).write_bytes(b'{"schema": 99, "settings": {}, "products": []}\n')
     with pytest.raises(OutputSettings, match="99"):
         committed(tmp_path)
     (tmp_path / JOURNAL_NAME).write_bytes(b"[]\n")

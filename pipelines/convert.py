@@ -1,0 +1,205 @@
+"""Stereo pairs to point clouds, depth maps and recordings that other tools open."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+from pseudolidar.formats.mcap_content import McapContent
+from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in
+from pseudolidar.geometry.depth import depth_map
+from pseudolidar.running.bad_frames import OnError
+from pseudolidar.running.encoders import Converted, encoded
+from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, Recognised
+from pseudolidar.running.frame_checks import check_pair, check_texture
+from pseudolidar.running.outputs import Outputs, folder_of
+from pseudolidar.running.product import Product
+from pseudolidar.running.recording import RecordingPlan
+from pseudolidar.running.rehearsal import Rehearsal, rehearse
+from pseudolidar.running.results import RunResult
+from pseudolidar.running.run import Run
+from pseudolidar.running.samples import sampled_frames
+from pseudolidar.running.stream import stream
+from pseudolidar.sources.other_rig import with_rig
+from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.selection import FrameSelection, select
+from pseudolidar.sources.source import FrameSource
+from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.matcher import StereoMatcher
+from pseudolidar.stereo.reproject import Reproject, Reprojector
+from pseudolidar.stereo.sgbm import Bm, Sgbm
+from pseudolidar.structures.frame import StereoFrame
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Convert:
+    """Match every pair of SOURCE, reproject it, and write the results to OUT.
+
+    A run that was stopped or killed is continued by the same command. A frame that cannot be used
+    is left out and named in report.json (exit code 4).
+
+        pseudolidar convert synthetic:street out/street
+        pseudolidar convert 2011_09_26_drive_0002_sync out --to pcd,mcap
+        pseudolidar convert training out --matcher sgbm --frames 0:100:10 --to bin
+
+    Args:
+        source: KITTI raw, object, odometry or stereo data, folders of pictures, synthetic:NAME.
+        out: output folder.
+        to: what is written of each frame, a comma list: pcd, pcd:compressed, pcd:ascii, ply,
+            ply:ascii, bin, npz, disparity, depth, mcap.
+        matcher: how disparities are found.
+        reproject: which pixels become points, and how.
+        mcap: what a recording holds.
+        frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
+        exclude: not these.
+        rig: calibration that replaces the source's cameras, a rig.json.
+        scale_calibration: scale the calibration where images have another size.
+        min_depth: nearest depth that must be found, m; decides how many disparities are searched.
+        frame: coordinate frame of the clouds; by default velodyne where that is calibrated, else
+            camera_left. `.bin` is always x forward.
+        workers: frames worked on at the same time; by default one per core.
+        on_error: skip a bad frame (and stop when they become many), or stop at the first.
+        overwrite: start anew, even where OUT holds a run with other settings.
+        dry_run: tell frames, bytes, time and free disk, and write nothing.
+    """
+
+    source: Annotated[Source, Recognised(recognise)]
+    out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out")
+    to: Outputs = field(default_factory=lambda: Outputs(("pcd",)))
+    matcher: Census | Sgbm | Bm = field(default_factory=Census)
+    reproject: Reproject = field(default_factory=Reproject)
+    mcap: McapContent = field(default_factory=McapContent)
+    frames: FrameSelection | None = None
+    exclude: FrameSelection | None = None
+    rig: Path | None = None
+    scale_calibration: bool = False
+    min_depth: float = 3.0
+    frame: CloudFrame | None = None
+    workers: Annotated[int | None, RUN_ONLY] = None
+    on_error: Annotated[OnError, RUN_ONLY] = "skip"
+    overwrite: Annotated[bool, RUN_ONLY] = False
+    dry_run: Annotated[bool, RUN_ONLY] = False
+
+
+def run(job: Convert) -> ConvertReport | Rehearsal:
+    """Convert every frame of the source: match, reproject, encode; commit in order."""
+    source = opened(job)
+    per_frame = ConvertFrame.of(job, source)
+    if job.dry_run:
+        return rehearse(source, per_frame, folder=job.out, workers=job.workers).checked()
+    recording = RecordingPlan.of(job, source, wanted=job.to.recording)
+    with (
+        Run.open(job.out, job, source, products=recording.names) as run,
+        recording.open(job.out, run.expected(per_frame)) as log,
+    ):
+        settled = run.settled(log.held)
+        rehearse(source, per_frame, folder=job.out, skip=settled).checked()
+        for frame in run.good(stream(source, per_frame, workers=job.workers, skip=settled)):
+            log.append(frame.id, frame.value.chunk)
+            run.commit(frame)
+    return ConvertReport(run.result(), job.out, job.to)
+
+
+@dataclass(frozen=True)
+class ConvertFrame:
+    """One pair to the bytes of its outputs: pure, picklable, one thread.
+
+    Args:
+        matcher: pair to disparity.
+        reproject: disparity to points.
+        frame: coordinate frame of the clouds.
+        outputs: what is encoded.
+        content: what the recording holds.
+        sampled: ids of the frames that the report shows.
+    """
+
+    matcher: StereoMatcher
+    reproject: Reprojector
+    frame: CloudFrame
+    outputs: Outputs
+    content: McapContent
+    sampled: frozenset[str]
+
+    @classmethod
+    def of(cls, job: Convert, source: FrameSource) -> ConvertFrame:
+        """With everything heavy loaded.
+
+        Raises:
+            CalibrationField: the rig does not say where the wanted frame is.
+        """
+        frame = job.frame or default_frame(source.rig)
+        left_in(source.rig, frame)
+        matcher, reproject = job.matcher.load(min_depth_m=job.min_depth), job.reproject.load()
+        return cls(matcher, reproject, frame, job.to, job.mcap, sampled_frames(source.ids))
+
+    def __call__(self, frame: StereoFrame) -> Product:
+        """Match, reproject, encode.
+
+        Raises:
+            PairIdentical, LowTexture: there is nothing to be seen.
+            StereoConfig: the image is too narrow for the disparities searched.
+        """
+        check_pair(frame)
+        disparity = self.matcher(frame)
+        check_texture(frame, disparity)
+        depth = depth_map(disparity, frame.rig)
+        cloud = self.reproject(frame, disparity).transformed(left_in(frame.rig, self.frame))
+        return encoded(
+            Converted(frame, disparity, depth, cloud),
+            self.outputs,
+            self.content,
+            sampled=frame.id in self.sampled,
+        )
+
+
+def opened(job: Convert) -> FrameSource:
+    """The source with the selection and the rig that the job asks for."""
+    source = select(job.source.open(), job.frames, job.exclude)
+    if job.rig is not None:
+        from pseudolidar.formats.rig_json import read_rig
+
+        rig = read_rig(job.rig)
+        source = with_rig(source, rig, scale_calibration=job.scale_calibration)
+    for line in (source.summary.line, *source.summary.notes, *source.summary.absent):
+        _log.info(line)
+    _log.info("matcher: %s", job.matcher)
+    return source
+
+
+@dataclass(frozen=True)
+class ConvertReport:
+    """How the conversion went.
+
+    Args:
+        result: frames, figures and times.
+        out: output folder.
+        to: what was written.
+    """
+
+    result: RunResult
+    out: Path
+    to: Outputs
+
+    @property
+    def exit_code(self) -> int:
+        """0 all done, 4 some frames skipped, 130 or 143 stopped."""
+        return self.result.exit_code
+
+    def as_dict(self) -> dict[str, Any]:
+        """Counts, figures, times and where the results are."""
+        return {**self.result.as_dict(), "out": str(self.out), "to": list(self.to.kinds)}
+
+    def text(self) -> str:
+        """The same for people, and what to open."""
+        figures = self.result.figures
+        lines = [self.result.text()]
+        if figures:
+            points, density = figures["points"]["mean"], figures["density"]["mean"]
+            lines.append(f"  {points:.0f} points a frame, {density:.1%} of the pixels matched")
+        opens = [self.out / folder_of(kind) for kind in self.to.files]
+        opens += sorted(self.out.glob("*.mcap")) if self.to.recording else []
+        return "\n".join([*lines, *(f"  {path}" for path in opens)])

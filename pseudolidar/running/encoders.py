@@ -1,0 +1,129 @@
+"""A converted frame as the bytes of its files and of its part of the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pseudolidar.formats.depth_png import encode_depth_png
+from pseudolidar.formats.disparity_png import encode_disparity_png
+from pseudolidar.formats.mcap_content import McapContent
+from pseudolidar.formats.npz import encode_npz
+from pseudolidar.formats.pcd import encode_pcd
+from pseudolidar.formats.ply import encode_ply
+from pseudolidar.formats.velodyne_bin import encode_velodyne_bin
+from pseudolidar.geometry.cloud_frames import forward_frame, left_in
+from pseudolidar.running.outputs import Outputs, file_name
+from pseudolidar.running.product import Product
+from pseudolidar.running.record import OutputFile
+from pseudolidar.running.samples import FrameSample, sample_name
+from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.structures.disparity import DepthMap, DisparityMap
+from pseudolidar.structures.frame import StereoFrame
+
+if TYPE_CHECKING:
+    from pseudolidar.formats.mcap_frame import FrameChunk
+
+# Bins of the depth histogram, m; the last one holds all beyond.
+DEPTH_BIN_M, DEPTH_BINS = 10.0, 9
+# The median of sigma is that of every n-th point: sorting all of them takes longer than it tells.
+SIGMA_STEP = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Converted:
+    """What a frame has become.
+
+    Args:
+        frame: the pair.
+        disparity: of its left image.
+        depth: of its left image.
+        cloud: points in the frame that clouds are handed over in.
+    """
+
+    frame: StereoFrame
+    disparity: DisparityMap
+    depth: DepthMap
+    cloud: PointCloud
+
+    @property
+    def forward_cloud(self) -> PointCloud:
+        """The cloud with x forward, for formats that mean nothing else."""
+        rig = self.frame.rig
+        if self.cloud.frame != rig.left.frame:
+            return self.cloud
+        return self.cloud.transformed(left_in(rig, forward_frame(rig, "camera_left")))
+
+
+ENCODERS: Mapping[str, Callable[[Converted], bytes]] = {
+    "pcd": lambda converted: encode_pcd(converted.cloud),
+    "pcd:compressed": lambda converted: encode_pcd(converted.cloud, encoding="binary_compressed"),
+    "pcd:ascii": lambda converted: encode_pcd(converted.cloud, encoding="ascii"),
+    "ply": lambda converted: encode_ply(converted.cloud),
+    "ply:ascii": lambda converted: encode_ply(converted.cloud, encoding="ascii"),
+    "bin": lambda converted: encode_velodyne_bin(converted.forward_cloud),
+    "npz": lambda converted: encode_npz(converted.cloud),
+    "disparity": lambda converted: encode_disparity_png(converted.disparity),
+    "depth": lambda converted: encode_depth_png(converted.depth),
+}
+
+
+def encoded(
+    converted: Converted, outputs: Outputs, content: McapContent, *, sampled: bool
+) -> Product:
+    """Everything that will be written of a frame.
+
+    Args:
+        converted: the frame.
+        outputs: which files, and whether a recording.
+        content: what the recording holds.
+        sampled: whether the frame is one that the report shows.
+    """
+    frame = converted.frame
+    files = [
+        OutputFile.of(file_name(kind, frame.id), ENCODERS[kind](converted))
+        for kind in outputs.files
+    ]
+    if sampled:
+        sample = FrameSample.of(frame, converted.disparity, converted.forward_cloud)
+        files.append(OutputFile.of(sample_name(frame.id), sample.encode()))
+    chunk = packed(converted, content) if outputs.recording else None
+    return Product(tuple(files), chunk, figures(converted))
+
+
+def packed(converted: Converted, content: McapContent) -> FrameChunk:
+    """The frame's part of the recording."""
+    from pseudolidar.formats.mcap_frame import pack_frame
+    from pseudolidar.formats.mcap_messages import frame_messages
+
+    messages = frame_messages(
+        converted.frame,
+        disparity=converted.disparity,
+        depth=converted.depth,
+        cloud=converted.cloud,
+        content=content,
+    )
+    return pack_frame(messages, index=converted.frame.index, compression=content.compression)
+
+
+def figures(converted: Converted) -> dict[str, Any]:
+    """Statistics of a frame for the report, plain JSON values."""
+    disparity, cloud = converted.disparity, converted.cloud
+    depths = converted.depth.values[converted.depth.valid]
+    bins = np.minimum(depths / np.float32(DEPTH_BIN_M), DEPTH_BINS - 1).astype(np.uint8)
+    histogram = np.bincount(bins, minlength=DEPTH_BINS).tolist()
+    found: dict[str, Any] = {
+        "points": len(cloud) if cloud.shape is None else int(np.count_nonzero(cloud.valid)),
+        "density": disparity.density,
+        "pixels_without_disparity": int(disparity.values.size - np.count_nonzero(disparity.valid)),
+        "depth_histogram": histogram,
+    }
+    sigma_m = None if cloud.sigma_m is None else cloud.sigma_m[::SIGMA_STEP]
+    if sigma_m is not None and np.isfinite(sigma_m).any():
+        found["sigma_m_median"] = float(np.nanmedian(sigma_m))
+    if converted.frame.notes:
+        found["notes"] = list(converted.frame.notes)
+    return found

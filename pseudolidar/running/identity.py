@@ -1,0 +1,73 @@
+"""What the results of a run are decided by; the same identity means the same bytes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pseudolidar import __version__
+from pseudolidar.running.settings_json import result_settings
+from pseudolidar.sources.source import FrameSource
+
+if TYPE_CHECKING:
+    from pseudolidar.formats.mcap_prolog import McapProlog
+
+SYNTHETIC_TIME = "time: synthetic"
+_UNFIT_FOR_A_NAME = re.compile(r"[^\w.+-]+")
+
+
+def identity(job: Any, source: FrameSource) -> dict[str, Any]:
+    """Settings, version, source and calibration of a run, plain JSON values.
+
+    Paths are resolved, so that it does not matter where the command is called from; of the
+    calibration its content counts, and not which file it came from.
+    """
+    settings = without_places(result_settings(job))
+    path = Path(source.summary.path)
+    return {
+        "version": __version__,
+        "source_path": str(path.resolve() if path.exists() else path),
+        "calibration": hashlib.sha256(calibration_text(source).encode()).hexdigest(),
+        **settings,
+    }
+
+
+def without_places(settings: dict[str, Any]) -> dict[str, Any]:
+    """Settings without what says only where things lie: a recording must not tell."""
+    source = {key: value for key, value in settings.get("source", {}).items() if key != "path"}
+    return {key: value for key, value in settings.items() if key != "rig"} | {"source": source}
+
+
+def calibration_text(source: FrameSource) -> str:
+    """The rig as JSON, without the words about its origin, which may name files."""
+    from pseudolidar.formats.rig_json import rig_text
+
+    return rig_text(replace(source.rig, origin=""))
+
+
+def source_name(source: FrameSource) -> str:
+    """Short name of a source, fit for a file: the last part of its path."""
+    path = source.summary.path
+    last = Path(path).resolve().name if Path(path).exists() else path.rpartition("/")[2]
+    return _UNFIT_FOR_A_NAME.sub("-", last.rpartition(":")[2]).strip(".-") or source.summary.kind
+
+
+def prologue(job: Any, source: FrameSource) -> McapProlog:
+    """What a recording of this run says about itself; nothing that changes from run to run."""
+    from pseudolidar.formats.mcap_prolog import describe_recording
+
+    settings = without_places(result_settings(job))
+    synthetic = any(SYNTHETIC_TIME in note for note in source.summary.notes)
+    return describe_recording(
+        version=__version__,
+        settings=json.dumps(settings, sort_keys=True),
+        calibration=calibration_text(source),
+        matcher=json.dumps(settings.get("matcher"), sort_keys=True),
+        source=f"{source.summary.kind} {source_name(source)}",
+        time="synthetic" if synthetic else "recorded",
+        poses="of the source where it has them; else map, odom and base_link coincide",
+    )

@@ -1,0 +1,66 @@
+"""`--to pcd,mcap`: which files a frame becomes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+from pseudolidar.errors import UsageError
+
+MCAP = "mcap"
+KINDS = ("pcd", "pcd:compressed", "pcd:ascii", "ply", "ply:ascii", "bin", "npz")
+MAPS = ("disparity", "depth")
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """What is written of each frame, as a comma list.
+
+    Clouds: `pcd`, `pcd:compressed`, `pcd:ascii`, `ply`, `ply:ascii`, `npz` with every column, and
+    `bin` (KITTI: x, y, z, intensity; x forward). Maps: `disparity` and `depth`, PNG at KITTI's
+    scale. `mcap` is one recording of everything.
+
+    Args:
+        kinds: names in the order given, each folder once.
+    """
+
+    kinds: tuple[str, ...]
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """From `pcd,ply:ascii,mcap`.
+
+        Raises:
+            UsageError: nothing, an unknown name, or two forms of one format.
+        """
+        kinds = tuple(part.strip() for part in text.split(",") if part.strip())
+        known = (*KINDS, *MAPS, MCAP)
+        folders = [folder_of(kind) for kind in kinds]
+        if not kinds or not set(kinds) <= set(known) or len(set(folders)) < len(folders):
+            raise UsageError(
+                f"{text!r}", want=f"a comma list, each format once, of {', '.join(known)}"
+            )
+        return cls(kinds)
+
+    def __str__(self) -> str:
+        return ",".join(self.kinds)
+
+    @property
+    def recording(self) -> bool:
+        """Whether an MCAP is asked for."""
+        return MCAP in self.kinds
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The kinds that are a file for each frame."""
+        return tuple(kind for kind in self.kinds if kind != MCAP)
+
+
+def folder_of(kind: str) -> str:
+    """Folder of the files of a kind, and for clouds their extension."""
+    return kind.partition(":")[0]
+
+
+def file_name(kind: str, frame_id: str) -> str:
+    """Name in the output folder of a frame's file."""
+    return f"{folder_of(kind)}/{frame_id}.{'png' if kind in MAPS else folder_of(kind)}"
