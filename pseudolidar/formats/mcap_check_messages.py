@@ -196,8 +196,9 @@ def _check_cloud(channel: ChannelCheck, cloud: Any) -> None:
     names = [column.name for column in cloud.fields]
     if len(set(names)) != len(names) or not {"x", "y", "z"} <= set(names):
         raise _wrong(channel, f"fields {', '.join(names)}")
-    if len(cloud.data) % cloud.point_stride:
-        raise _wrong(channel, f"{len(cloud.data)} bytes of points of {cloud.point_stride} bytes")
+    size = len(cloud.data)
+    if size % cloud.point_stride:
+        raise _wrong(channel, f"{size} bytes of points of {cloud.point_stride} bytes")
 
 
 def _check_raw_image(channel: ChannelCheck, image: Any) -> None:

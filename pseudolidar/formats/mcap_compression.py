@@ -19,7 +19,7 @@ def compressed(data: bytes, compression: Compression) -> tuple[str, bytes]:
             return "zstd", zstandard.compress(data)
 
 
-def decompressed(data: bytes, name: str, size: int) -> bytes:
+def decompressed(data: bytes | memoryview, name: str, size: int) -> bytes | memoryview:
     """Unpack `data` to `size` bytes; no more are ever made.
 
     Args:

@@ -7,7 +7,6 @@ elsewhere.
 
 from __future__ import annotations
 
-import struct
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.message import DecodeError
 from mcap.opcode import Opcode
-from mcap.records import Chunk, MessageIndex
+from mcap.records import MessageIndex
 
 from pseudolidar.errors import StructureError
 from pseudolidar.formats.mcap_channels import (
@@ -31,6 +30,7 @@ from pseudolidar.formats.mcap_content import Compression
 from pseudolidar.formats.mcap_records import (
     MESSAGE_HEADER,
     RECORD_HEADER,
+    PackedChunk,
     RawMessage,
     broken,
     inner_records,
@@ -41,9 +41,6 @@ from pseudolidar.formats.mcap_records import (
 if TYPE_CHECKING:
     from pseudolidar.formats.mcap_messages import LogMessage
 
-# Chunk: start, end, unpacked size, its CRC, length of the compression's name; later its data.
-CHUNK_START = struct.Struct("<QQQII")
-DATA_LENGTH = struct.Struct("<Q")
 # Values of a message's sequence number.
 SEQUENCES = 2**32
 
@@ -67,7 +64,7 @@ class FrameChunk:
 
     frame_id: str
     head: bytes
-    packed: bytes
+    packed: bytes | memoryview
     index: bytes
     index_offsets: Mapping[int, int]
     counts: Mapping[int, int]
@@ -103,18 +100,18 @@ def pack_frame(
     records = _records(tuple(messages), index)
     times = [message.log_time_ns for message in _messages(records, 0)]
     name, packed = compressed(records, compression)
-    chunk = Chunk(
+    chunk = PackedChunk(
+        start_ns=min(times),
+        end_ns=max(times),
+        unpacked_bytes=len(records),
+        unpacked_crc=zlib.crc32(records),
         compression=name,
-        data=packed,
-        message_start_time=min(times),
-        message_end_time=max(times),
-        uncompressed_crc=zlib.crc32(records),
-        uncompressed_size=len(records),
+        packed=packed,
     )
     return describe_chunk(chunk, records, offset=0)
 
 
-def describe_chunk(chunk: Chunk, records: bytes, *, offset: int) -> FrameChunk:
+def describe_chunk(chunk: PackedChunk, records: bytes | memoryview, *, offset: int) -> FrameChunk:
     """What a frame's chunk holds.
 
     Args:
@@ -141,13 +138,13 @@ def describe_chunk(chunk: Chunk, records: bytes, *, offset: int) -> FrameChunk:
         index += record_bytes(entry)
     return FrameChunk(
         frame_id=frame_id,
-        head=_head(chunk),
-        packed=chunk.data,
+        head=chunk.head(),
+        packed=chunk.packed,
         index=bytes(index),
         index_offsets=index_offsets,
         counts={number: len(entry.records) for number, entry in entries.items()},
-        start_ns=chunk.message_start_time,
-        end_ns=chunk.message_end_time,
+        start_ns=chunk.start_ns,
+        end_ns=chunk.end_ns,
         compression=chunk.compression,
         unpacked_bytes=len(records),
     )
@@ -159,36 +156,19 @@ def _records(messages: Sequence[LogMessage], index: int) -> bytes:
     used = sorted(set(numbers))
     if channel_id(FRAME) not in used:
         raise StructureError("no mark of the frame", want=f"a message on {FRAME}", where="frame")
-    parts = [schema_record(number) for number in sorted({schema_id(number) for number in used})]
+    parts: list[bytes | memoryview] = [
+        schema_record(number) for number in sorted({schema_id(number) for number in used})
+    ]
     parts += [channel_record(number) for number in used]
     for number, message in zip(numbers, messages, strict=True):
-        time_ns, length = message.timestamp_ns, MESSAGE_HEADER.size + len(message.data)
+        time_ns, length = message.timestamp_ns, MESSAGE_HEADER.size + message.nbytes
         parts.append(RECORD_HEADER.pack(Opcode.MESSAGE, length))
         parts.append(MESSAGE_HEADER.pack(number, index % SEQUENCES, time_ns, time_ns))
-        parts.append(message.data)
+        parts += message.parts
     return b"".join(parts)
 
 
-def _head(chunk: Chunk) -> bytes:
-    """The chunk record without its large end, which needs no copy to be written."""
-    name = chunk.compression.encode()
-    head = b"".join(
-        (
-            CHUNK_START.pack(
-                chunk.message_start_time,
-                chunk.message_end_time,
-                chunk.uncompressed_size,
-                chunk.uncompressed_crc,
-                len(name),
-            ),
-            name,
-            DATA_LENGTH.pack(len(chunk.data)),
-        )
-    )
-    return RECORD_HEADER.pack(Opcode.CHUNK, len(head) + len(chunk.data)) + head
-
-
-def _messages(records: bytes, offset: int) -> Iterator[RawMessage]:
+def _messages(records: bytes | memoryview, offset: int) -> Iterator[RawMessage]:
     for record in inner_records(records, offset):
         if record.opcode == Opcode.MESSAGE:
             yield parse_message(record)

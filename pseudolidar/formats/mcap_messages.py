@@ -17,7 +17,7 @@ from pseudolidar.formats import mcap_channels as channels
 from pseudolidar.formats.image import encode_jpeg, encode_png
 from pseudolidar.formats.mcap_content import DEFAULT_CONTENT, McapContent
 from pseudolidar.formats.mcap_points import cloud_message, scan_message
-from pseudolidar.formats.mcap_protobuf import set_stamp, with_data
+from pseudolidar.formats.mcap_protobuf import Parts, serialised, set_stamp, with_data
 from pseudolidar.formats.mcap_scene import labels_message
 from pseudolidar.geometry.frames import MAP, frame_tree
 from pseudolidar.geometry.quaternion import quaternion_wxyz
@@ -40,12 +40,17 @@ class LogMessage:
     Args:
         topic: one of `mcap_channels.TOPICS`.
         timestamp_ns: time it is filed under: that of its frame.
-        data: serialised message of the topic's schema.
+        parts: serialised message of the topic's schema, in pieces.
     """
 
     topic: str
     timestamp_ns: int
-    data: bytes
+    parts: Parts
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the message."""
+        return sum(len(part) for part in self.parts)
 
 
 def frame_messages(
@@ -86,12 +91,28 @@ def frame_messages(
         *_known_topics(frame, content, known),
         *_result_topics(frame, disparity, depth, cloud, content),
     )
-    return tuple(LogMessage(topic, frame.timestamp_ns, data) for topic, data in topics)
+    return tuple(LogMessage(topic, frame.timestamp_ns, parts) for topic, parts in topics)
+
+
+def skipped_messages(
+    frame_id: str, index: int, timestamp_ns: int, reason: str
+) -> tuple[LogMessage, ...]:
+    """What a recording holds of a frame that could not be converted: its mark, and why.
+
+    Args:
+        frame_id: the source's name of the frame.
+        index: position in the source.
+        timestamp_ns: time of the frame.
+        reason: the error's code; no path, which would differ between machines.
+    """
+    text = f"frame {frame_id}, index {index}, skipped: {reason}"
+    mark = log_message(text, timestamp_ns, name=frame_id, level=Log.WARNING)
+    return tuple(LogMessage(topic, timestamp_ns, mark) for topic in (channels.FRAME, channels.LOG))
 
 
 def _frame_topics(
     frame: StereoFrame, notes: Iterable[str], tree: Iterable[Pose]
-) -> Iterator[tuple[str, bytes]]:
+) -> Iterator[tuple[str, Parts]]:
     time_ns = frame.timestamp_ns
     yield channels.FRAME, log_message(_marker_text(frame), time_ns, name=frame.id)
     for note in notes:
@@ -99,7 +120,7 @@ def _frame_topics(
     yield channels.TRANSFORMS, transforms_message(tree, time_ns)
 
 
-def _picture_topics(frame: StereoFrame, content: McapContent) -> Iterator[tuple[str, bytes]]:
+def _picture_topics(frame: StereoFrame, content: McapContent) -> Iterator[tuple[str, Parts]]:
     rig, time_ns = frame.rig, frame.timestamp_ns
     left, right = rig.left.frame, rig.T_right_left.dst
     yield channels.LEFT_CALIBRATION, calibration_message(rig.left, rig.P_left, left, time_ns)
@@ -111,7 +132,7 @@ def _picture_topics(frame: StereoFrame, content: McapContent) -> Iterator[tuple[
 
 def _known_topics(
     frame: StereoFrame, content: McapContent, known: Set[str]
-) -> Iterator[tuple[str, bytes]]:
+) -> Iterator[tuple[str, Parts]]:
     """Scan and boxes of the data set; viewers cannot place those in a frame outside the tree."""
     time_ns, scan, labels = frame.timestamp_ns, frame.scan, frame.labels
     if content.scan and scan is not None:
@@ -131,7 +152,7 @@ def _result_topics(
     depth: DepthMap | None,
     cloud: PointCloud | None,
     content: McapContent,
-) -> Iterator[tuple[str, bytes]]:
+) -> Iterator[tuple[str, Parts]]:
     name, time_ns = frame.rig.left.frame, frame.timestamp_ns
     if content.disparity and disparity is not None:
         yield channels.DISPARITY, disparity_message(disparity, name, time_ns)
@@ -148,14 +169,16 @@ def _marker_text(frame: StereoFrame) -> str:
     return text if frame.pose else text + ", no pose: map, odom and base_link coincide"
 
 
-def log_message(text: str, timestamp_ns: int, *, name: str = "") -> bytes:
+def log_message(
+    text: str, timestamp_ns: int, *, name: str = "", level: Log.Level.ValueType = Log.INFO
+) -> Parts:
     """A line of the log; `name` says of what."""
-    message = Log(level=Log.INFO, message=text, name=name)
+    message = Log(level=level, message=text, name=name)
     set_stamp(message.timestamp, timestamp_ns)
-    return bytes(message.SerializeToString())
+    return serialised(message)
 
 
-def transforms_message(tree: Iterable[Pose], timestamp_ns: int) -> bytes:
+def transforms_message(tree: Iterable[Pose], timestamp_ns: int) -> Parts:
     """Transforms `T_parent_child`, repeated with every frame so that seeking works."""
     message = FrameTransforms()
     for pose in tree:
@@ -166,10 +189,10 @@ def transforms_message(tree: Iterable[Pose], timestamp_ns: int) -> bytes:
         transform.translation.x, transform.translation.y, transform.translation.z = x, y, z
         rotation = transform.rotation
         rotation.x, rotation.y, rotation.z, rotation.w = qx, qy, qz, qw
-    return bytes(message.SerializeToString())
+    return serialised(message)
 
 
-def calibration_message(camera: Camera, P: Float64, frame: str, timestamp_ns: int) -> bytes:
+def calibration_message(camera: Camera, P: Float64, frame: str, timestamp_ns: int) -> Parts:
     """A rectified camera.
 
     Args:
@@ -188,10 +211,10 @@ def calibration_message(camera: Camera, P: Float64, frame: str, timestamp_ns: in
         P=P.ravel().tolist(),
     )
     set_stamp(message.timestamp, timestamp_ns)
-    return bytes(message.SerializeToString())
+    return serialised(message)
 
 
-def picture_message(image: Image, frame: str, timestamp_ns: int, content: McapContent) -> bytes:
+def picture_message(image: Image, frame: str, timestamp_ns: int, content: McapContent) -> Parts:
     """An image as JPEG or PNG; 16-bit images keep their values in a PNG."""
     if content.images == "jpeg" and image.dtype == np.uint8:
         data = encode_jpeg(image, content.jpeg_quality)
@@ -199,24 +222,24 @@ def picture_message(image: Image, frame: str, timestamp_ns: int, content: McapCo
     return compressed_image_message(encode_png(image), "png", frame, timestamp_ns)
 
 
-def compressed_image_message(data: bytes, kind: str, frame: str, timestamp_ns: int) -> bytes:
+def compressed_image_message(data: bytes, kind: str, frame: str, timestamp_ns: int) -> Parts:
     """Encoded bytes of a picture; `kind` is `jpeg` or `png`."""
     message = CompressedImage(frame_id=frame, format=kind)
     set_stamp(message.timestamp, timestamp_ns)
     return with_data(message, data)
 
 
-def disparity_message(disparity: DisparityMap, frame: str, timestamp_ns: int) -> bytes:
+def disparity_message(disparity: DisparityMap, frame: str, timestamp_ns: int) -> Parts:
     """Disparity in px, 32-bit float, NaN where there is none."""
     return _raw_image(disparity.values.astype("<f4", copy=False), "32FC1", frame, timestamp_ns)
 
 
-def depth_message(depth: DepthMap, frame: str, timestamp_ns: int) -> bytes:
+def depth_message(depth: DepthMap, frame: str, timestamp_ns: int) -> Parts:
     """Depth in mm, 16 bits, as ROS REP-118 has it."""
     return _raw_image(depth_mm(depth), "16UC1", frame, timestamp_ns)
 
 
-def depth_png_message(depth: DepthMap, frame: str, timestamp_ns: int) -> bytes:
+def depth_png_message(depth: DepthMap, frame: str, timestamp_ns: int) -> Parts:
     """Depth in mm as a 16-bit PNG."""
     return compressed_image_message(
         encode_png(depth_mm(depth).astype(np.uint16)), "png", frame, timestamp_ns
@@ -230,7 +253,7 @@ def depth_mm(depth: DepthMap) -> Image:
     return np.where(inside, mm, 0).astype("<u2")
 
 
-def _raw_image(values: AnyArray, encoding: str, frame: str, timestamp_ns: int) -> bytes:
+def _raw_image(values: AnyArray, encoding: str, frame: str, timestamp_ns: int) -> Parts:
     height, width = values.shape
     message = RawImage(
         frame_id=frame,

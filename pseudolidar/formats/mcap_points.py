@@ -9,7 +9,7 @@ from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud as PointCloudMessage
 
 from pseudolidar.errors import StructureError
-from pseudolidar.formats.mcap_protobuf import set_stamp, with_data
+from pseudolidar.formats.mcap_protobuf import Parts, set_stamp, with_data
 from pseudolidar.structures.arrays import AnyArray
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.frame import LidarScan
@@ -35,7 +35,7 @@ NUMERIC_TYPES = {
 WIDENED = {"bool": "<u1", "float16": "<f4", "int64": "<f8", "uint64": "<f8"}
 
 
-def cloud_message(cloud: PointCloud, timestamp_ns: int) -> bytes:
+def cloud_message(cloud: PointCloud, timestamp_ns: int) -> Parts:
     """A cloud with all its columns; points without coordinates are left out.
 
     Args:
@@ -64,7 +64,7 @@ def cloud_message(cloud: PointCloud, timestamp_ns: int) -> bytes:
     return points_message(columns, cloud.frame, cloud.timestamp_ns or timestamp_ns)
 
 
-def scan_message(scan: LidarScan, timestamp_ns: int) -> bytes:
+def scan_message(scan: LidarScan, timestamp_ns: int) -> Parts:
     """A LiDAR scan: x, y, z, intensity (reflectance), t_s (seconds from the scan's stamp)."""
     columns = dict(zip("xyz", scan.xyz.T, strict=True))
     if scan.reflectance is not None:
@@ -74,7 +74,7 @@ def scan_message(scan: LidarScan, timestamp_ns: int) -> bytes:
     return points_message(columns, scan.frame, scan.timestamp_ns or timestamp_ns)
 
 
-def points_message(columns: Mapping[str, AnyArray], frame: str, timestamp_ns: int) -> bytes:
+def points_message(columns: Mapping[str, AnyArray], frame: str, timestamp_ns: int) -> Parts:
     """A serialised `foxglove.PointCloud` of (N,) columns in the order given.
 
     Raises:

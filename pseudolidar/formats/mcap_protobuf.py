@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from pseudolidar.structures.arrays import AnyArray
 NS_PER_S = 1_000_000_000
 # Wire type of a length-delimited field (protobuf encoding specification).
 LENGTH_DELIMITED = 2
+
+# A serialised message in pieces; their concatenation is the message.
+Parts: TypeAlias = tuple[bytes | memoryview, ...]
 
 
 def set_stamp(stamp: Any, timestamp_ns: int) -> None:
@@ -25,17 +28,22 @@ def set_stamp(stamp: Any, timestamp_ns: int) -> None:
     stamp.seconds, stamp.nanos = divmod(timestamp_ns, NS_PER_S)
 
 
-def with_data(message: Any, data: bytes | AnyArray) -> bytes:
-    """The serialised message with `data` as its field `data`, copied once.
+def serialised(message: Any) -> Parts:
+    """The message as one piece."""
+    return (message.SerializeToString(),)
+
+
+def with_data(message: Any, data: bytes | AnyArray) -> Parts:
+    """The serialised message with `data` as its field `data`, in pieces, without a copy of `data`.
 
     Fields may come in any order on the wire, so the large one is appended to the others; going
-    through the message object costs two more copies.
+    through the message object costs three copies.
     """
     number = message.DESCRIPTOR.fields_by_name["data"].number
     array = np.frombuffer(data, np.uint8) if isinstance(data, bytes) else data
     payload = np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
     key = _varint(number << 3 | LENGTH_DELIMITED)
-    return b"".join((message.SerializeToString(), key, _varint(len(payload)), payload))
+    return message.SerializeToString() + key + _varint(len(payload)), payload
 
 
 def _varint(value: int) -> bytes:

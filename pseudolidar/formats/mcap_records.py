@@ -11,11 +11,12 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import FileIO
-from typing import TypeVar, cast
+from typing import Self, TypeVar, cast
 
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import McapError
-from mcap.records import Chunk, McapRecord
+from mcap.opcode import Opcode
+from mcap.records import McapRecord
 
 from pseudolidar.errors import RecordingError
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
@@ -28,6 +29,10 @@ AnyRecord = TypeVar("AnyRecord", bound=McapRecord)
 RECORD_HEADER = struct.Struct("<BQ")
 # Message: channel, sequence, log time, publish time; then its data.
 MESSAGE_HEADER = struct.Struct("<HIQQ")
+# Chunk: start, end, unpacked size, its CRC, length of the compression's name; then the name, the
+# length of the data and the data.
+CHUNK_START = struct.Struct("<QQQII")
+DATA_LENGTH = struct.Struct("<Q")
 # A chunk this small may unpack to more than `Limits.chunk_expansion` times its size.
 ALWAYS_UNPACKED_BYTES = 2**20
 
@@ -54,6 +59,53 @@ class RawRecord:
     def header(self) -> bytes:
         """Its header, as it stands in the file."""
         return RECORD_HEADER.pack(self.opcode, len(self.body))
+
+
+@dataclass(frozen=True)
+class PackedChunk:
+    """A chunk record; unlike that of `mcap.records` it is read and written without copies.
+
+    Args:
+        start_ns: earliest time of its messages.
+        end_ns: latest time of its messages.
+        unpacked_bytes: size of its records.
+        unpacked_crc: CRC of its records, 0 for none.
+        compression: as the file names it.
+        packed: its records, compressed.
+    """
+
+    start_ns: int
+    end_ns: int
+    unpacked_bytes: int
+    unpacked_crc: int
+    compression: str
+    packed: bytes | memoryview
+
+    @classmethod
+    def parse(cls, record: RawRecord) -> Self:
+        """The chunk of a chunk record.
+
+        Raises:
+            RecordingError: it is cut.
+        """
+        try:
+            start, end, size, crc, name_bytes = CHUNK_START.unpack_from(record.body)
+            name_end = CHUNK_START.size + name_bytes
+            name = bytes(record.body[CHUNK_START.size : name_end]).decode()
+            (packed_bytes,) = DATA_LENGTH.unpack_from(record.body, name_end)
+        except (struct.error, UnicodeDecodeError) as error:
+            raise broken("a chunk without its header", record.offset) from error
+        packed = memoryview(record.body)[name_end + DATA_LENGTH.size :][:packed_bytes]
+        return cls(start, end, size, crc, name, packed)
+
+    def head(self) -> bytes:
+        """The record up to its packed records."""
+        name = self.compression.encode()
+        start = CHUNK_START.pack(
+            self.start_ns, self.end_ns, self.unpacked_bytes, self.unpacked_crc, len(name)
+        )
+        head = start + name + DATA_LENGTH.pack(len(self.packed))
+        return RECORD_HEADER.pack(Opcode.CHUNK, len(head) + len(self.packed)) + head
 
 
 @dataclass(frozen=True)
@@ -114,7 +166,9 @@ def parsed(kind: type[AnyRecord], record: RawRecord) -> AnyRecord:
         raise broken(f"a {kind.__name__} record that cannot be read", record.offset) from error
 
 
-def unpacked(chunk: Chunk, offset: int, limits: Limits = DEFAULT_LIMITS) -> bytes:
+def unpacked(
+    chunk: PackedChunk, offset: int, limits: Limits = DEFAULT_LIMITS
+) -> bytes | memoryview:
     """The records of a chunk, unpacked to no more than they claim, their CRC checked.
 
     Args:
@@ -125,7 +179,7 @@ def unpacked(chunk: Chunk, offset: int, limits: Limits = DEFAULT_LIMITS) -> byte
     Raises:
         RecordingError: damaged, or larger than the caps.
     """
-    size, packed = chunk.uncompressed_size, len(chunk.data)
+    size, packed = chunk.unpacked_bytes, len(chunk.packed)
     allowed = min(limits.chunk_bytes, max(ALWAYS_UNPACKED_BYTES, packed * limits.chunk_expansion))
     if size > allowed:
         raise RecordingError(
@@ -135,15 +189,15 @@ def unpacked(chunk: Chunk, offset: int, limits: Limits = DEFAULT_LIMITS) -> byte
             where=f"byte {offset}",
         )
     try:
-        data = decompressed(chunk.data, chunk.compression, size)
+        data = decompressed(chunk.packed, chunk.compression, size)
     except ValueError as error:
         raise broken(f"a chunk that cannot be unpacked: {error}", offset) from error
-    if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
+    if chunk.unpacked_crc not in (0, zlib.crc32(data)):
         raise broken("a chunk whose CRC does not match", offset)
     return data
 
 
-def inner_records(data: bytes, offset: int) -> Iterator[RawRecord]:
+def inner_records(data: bytes | memoryview, offset: int) -> Iterator[RawRecord]:
     """The records within an unpacked chunk that begins at byte `offset` of the file.
 
     Raises:

@@ -8,7 +8,7 @@ from typing import Any
 from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletion
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
-from pseudolidar.formats.mcap_protobuf import set_stamp
+from pseudolidar.formats.mcap_protobuf import Parts, serialised, set_stamp
 from pseudolidar.geometry.quaternion import quaternion_wxyz
 from pseudolidar.structures.box import Box3D, Label
 
@@ -18,7 +18,7 @@ TEXT_COLOUR = (1.0, 1.0, 1.0, 1.0)
 TEXT_SIZE_PX = 14.0
 
 
-def labels_message(labels: Sequence[Label], timestamp_ns: int) -> bytes:
+def labels_message(labels: Sequence[Label], timestamp_ns: int) -> Parts:
     """The boxes of a frame, in the place of those before; regions to ignore are left out."""
     message = SceneUpdate()
     deletion = message.deletions.add(type=SceneEntityDeletion.ALL)
@@ -27,7 +27,7 @@ def labels_message(labels: Sequence[Label], timestamp_ns: int) -> bytes:
         if label.box is not None and not label.ignore:
             identity = number if label.track_id is None else label.track_id
             _add_box(message, label.box, label.detection.name, f"label/{identity}", timestamp_ns)
-    return bytes(message.SerializeToString())
+    return serialised(message)
 
 
 def _add_box(scene: Any, box: Box3D, name: str, identity: str, timestamp_ns: int) -> None:

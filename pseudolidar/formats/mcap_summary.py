@@ -39,6 +39,11 @@ class SummaryBuilder:
         self._start_ns = self._end_ns = 0
 
     @property
+    def frames(self) -> int:
+        """Frames so far."""
+        return self._frames
+
+    @property
     def end_ns(self) -> int:
         """Latest time stamp so far, 0 before the first."""
         return self._end_ns
