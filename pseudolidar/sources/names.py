@@ -47,9 +47,9 @@ def safe_id(name: str) -> str:
     What no file name or no UTF-8 text can hold (control characters, undecodable bytes, separators)
     is written as `%XX` of its bytes; different names stay different.
     """
-    text = "".join(c if _is_safe(c) else _percent(c) for c in name)
-    if text[:1] in ("", ".") or _RESERVED.match(text):
-        text = "_" + text
+    text = "".join(c if _is_safe(c) else _percent(c) for c in name) or "%"
+    if text[0] == "." or _RESERVED.match(text):
+        text = _percent(text[0]) + text[1:]
     data = text.encode()
     if len(data) <= LONGEST_ID_BYTES:
         return text
