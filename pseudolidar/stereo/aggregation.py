@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from pseudolidar.stereo import sgm_kernels as kernels
-from pseudolidar.structures.arrays import AnyArray, Bool, Float32, UInt8
+from pseudolidar.structures.arrays import AnyArray, Float32, UInt8
 
 _CACHE_LINE = 64
 # Value half a pixel to the right: cubic convolution, sixteenths.
@@ -25,12 +25,12 @@ class Winners:
 
     Args:
         disparity: (H, W) float32 px, everywhere.
-        valid: (H, W) bool, unique and agreed by both eyes.
+        verdict: (H, W) uint8, `AGREED` by both eyes, `UNIQUE` besides, or 0.
         distinctness: (H, W) float32, (second best sum - best) / (best + 1).
     """
 
     disparity: Float32
-    valid: Bool
+    verdict: UInt8
     distinctness: Float32
 
 
@@ -163,7 +163,7 @@ def aggregate(
     pair = (_census(left), whole, halves, half_bins, bins, penalties)
     shape = left.shape
     found = Winners(
-        np.empty(shape, np.float32), np.empty(shape, np.bool_), np.empty(shape, np.float32)
+        np.empty(shape, np.float32), np.empty(shape, np.uint8), np.empty(shape, np.float32)
     )
     out = (workspace.total, (uniqueness, agreement_px), *vars(found).values())
 

@@ -29,18 +29,18 @@ _HALF_PIXEL_RANGE = 48
 # Fitted to the 22 frames of KITTI stereo 2015, disparity correction applied, 2026-11-23.
 _SIGMA = {
     "fast": SigmaModel(
-        constant=3.23946,
-        linear=(5.21978, 1.13846, -1.35413, -0.42545, -0.10973),
-        quadratic=(-6.04854, -3.04089, 0.1878, -0.07993, 0.00308),
-        low=(0.32653, 0.35178, 1.69402, -4.4424, -3.9386),
-        high=(1.0, 1.0, 6.65052, 0.70486, 6.79093),
+        constant=2.06713,
+        linear=(7.76858, 1.86051, -1.4223, -0.48313, -0.12381),
+        quadratic=(-7.62531, -3.40654, 0.19579, -0.09451, -0.00146),
+        low=(0.34694, 0.38156, 1.71092, -4.42914, -6.64386),
+        high=(1.0, 1.0, 6.64995, 0.63052, 6.80735),
     ),
     "fine": SigmaModel(
-        constant=5.09815,
-        linear=(1.25398, 1.76944, -1.94885, -0.52061, -0.12039),
-        quadratic=(-3.22695, -3.4856, 0.26342, -0.0967, 0.00359),
-        low=(0.30612, 0.40476, 1.59905, -4.64387, -3.9386),
-        high=(1.0, 1.0, 6.65283, 0.68512, 5.83733),
+        constant=4.50113,
+        linear=(2.48789, 2.00911, -1.92315, -0.57166, -0.12692),
+        quadratic=(-4.01688, -3.60941, 0.25979, -0.10828, -0.00167),
+        low=(0.30612, 0.43321, 1.58979, -4.65077, -6.64386),
+        high=(1.0, 1.0, 6.65279, 0.60104, 5.75579),
     ),
 }
 
@@ -55,7 +55,8 @@ class Census:
         disparities: range to search, px, a multiple of 32; by default from the nearest depth.
         penalty_small: cost of a disparity step of one bin; by default by quality.
         penalty_large: cost of any larger step, at most 95.
-        uniqueness_percent: by how much the best must beat the second best; more is sparser.
+        uniqueness_percent: by how much the best must beat the second best, unless neighbours
+            confirm it; more is sparser.
         agreement_px: largest left-right difference; by default by quality.
         speckle_pixels: smaller segments are removed.
         speckle_step_px: largest step inside a segment.
@@ -66,7 +67,7 @@ class Census:
     disparities: int | None = None
     penalty_small: int | None = None
     penalty_large: int = _PENALTY_LARGEST
-    uniqueness_percent: float = 6.0
+    uniqueness_percent: float = 10.0
     agreement_px: float | None = None
     speckle_pixels: int = 200
     speckle_step_px: float = 1.0

@@ -29,6 +29,7 @@ from pseudolidar.structures.arrays import AnyArray
 LARGEST_COST = 32  # bits of the census descriptor
 LARGEST_PENALTY = 127 - LARGEST_COST
 LANES = 32  # bins in one vector; the number of bins is a multiple of it
+AGREED, UNIQUE = 1, 2  # verdict on a pixel: both eyes agree; and the winner is unique besides
 GUARD = 64  # bytes of 255 around the path costs of a pixel, so that bins -1 and D never win
 CENSUS_RADIUS_X, CENSUS_RADIUS_Y = 4, 3
 
@@ -299,7 +300,7 @@ def _disparity_row(
     cheapest: AnyArray,
     kept: AnyArray,
     disparity: AnyArray,
-    valid: AnyArray,
+    verdict: AnyArray,
     distinctness: AnyArray,
 ) -> None:
     """Sub-pixel disparity, left-right check and uniqueness of one row.
@@ -323,7 +324,8 @@ def _disparity_row(
         coarse = k - np.float32(0.5) * half + step if step >= 0 or k > half else coarse
         disparity[x] = fine if k < half else coarse
         distinctness[x] = (np.float32(second[x]) - best) / (best + np.float32(1))
-        valid[x] = np.float32(second[x]) * (np.float32(1) - uniqueness) >= best
+        unique = np.float32(second[x]) * (np.float32(1) - uniqueness) >= best
+        verdict[x] = UNIQUE if unique else AGREED
         cheapest[x] = 0xFFFF
     for x in range(width):
         d = disparity[x]
@@ -335,7 +337,7 @@ def _disparity_row(
         d = disparity[x]
         target = int(np.float32(x) - d + np.float32(0.5))
         agrees = abs(kept[max(target, 0)] - d) <= agreement_px
-        valid[x] &= agrees & (d > 0) & (d <= x)
+        verdict[x] = verdict[x] if agrees & (d > 0) & (d <= x) else 0
 
 
 @_kernel
@@ -397,13 +399,14 @@ def sweep_and_win(
     total: AnyArray,
     checks: tuple[float, float],
     disparity: AnyArray,
-    valid: AnyArray,
+    verdict: AnyArray,
     distinctness: AnyArray,
 ) -> None:
     """Second sweep: adds `total` of the first (in the opposite order) and decides each pixel.
 
-    `checks` is (uniqueness, left-right agreement in px). Fills (H, W) disparity float32 px, valid
-    bool and distinctness float32, (second best sum - best) / (best + 1).
+    `checks` is (uniqueness, left-right agreement in px). Fills (H, W) disparity float32 px,
+    verdict uint8 (0, `AGREED` or `UNIQUE`) and distinctness float32, (second best sum - best) /
+    (best + 1).
     """
     cost, column, line, minima, sums = state
     height, width = left.shape
@@ -443,5 +446,5 @@ def sweep_and_win(
             parity, slot = 1 - parity, slot + stride
         _disparity_row(
             winners, half_bins, uniqueness, agreement_px, cheapest, kept,
-            disparity[y], valid[y], distinctness[y],
+            disparity[y], verdict[y], distinctness[y],
         )  # fmt: skip

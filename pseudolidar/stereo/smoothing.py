@@ -58,7 +58,7 @@ class Evidence:
 
 
 def smoothed(winners: Winners, *, speckle_pixels: int, speckle_step_px: float) -> Evidence:
-    """Median, speckle removal and masked mean of what aggregation decided.
+    """Median, acceptance, speckle removal and masked mean of what aggregation decided.
 
     Args:
         winners: of the aggregation.
@@ -66,7 +66,7 @@ def smoothed(winners: Winners, *, speckle_pixels: int, speckle_step_px: float) -
         speckle_step_px: largest step inside a segment, px.
     """
     median: Float32 = np.asarray(cv2.medianBlur(winners.disparity, _MEDIAN_SIZE), np.float32)
-    valid = winners.valid & (median > 0)
+    valid = kernels.accept(median, winners.verdict)
     kernels.remove_speckles(median, valid, speckle_step_px, speckle_pixels)
     r = kernels.SMOOTHING_RADIUS
     height, width = median.shape

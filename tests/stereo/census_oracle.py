@@ -72,12 +72,12 @@ def sums(volume, penalties):
 
 
 def winners(total, half_bins, uniqueness, agreement_px):
-    """Disparity, valid, distinctness; float32 in the same order of operations as the kernel."""
+    """Disparity, verdict, distinctness; float32 in the same order of operations as the kernel."""
     f = np.float32
     height, width, bins = total.shape
     exclude = 2 if half_bins else 1
     disparity = np.empty((height, width), f)
-    valid = np.zeros((height, width), bool)
+    verdict = np.zeros((height, width), np.uint8)
     distinct = np.empty((height, width), f)
     for y in range(height):
         cheapest, kept = np.full(width, 0xFFFF), np.zeros(width, f)
@@ -107,8 +107,20 @@ def winners(total, half_bins, uniqueness, agreement_px):
             d = disparity[y, x]
             target = max(int(f(x) - d + f(0.5)), 0)
             agrees = abs(kept[target] - d) <= f(agreement_px)
-            valid[y, x] = unique[x] and agrees and 0 < d <= x
-    return disparity, valid, distinct
+            verdict[y, x] = (1 + unique[x]) if agrees and 0 < d <= x else 0
+    return disparity, verdict, distinct
+
+
+def accepted(disparity, verdict):
+    height, width = disparity.shape
+    p = np.pad(np.where(verdict == 2, disparity, NONE), 3, constant_values=NONE)
+    near = [
+        np.abs(p[dy : dy + height, dx : dx + width] - disparity) < 1
+        for dy in range(7)
+        for dx in range(7)
+    ]
+    confirmed = (verdict == 1) & (np.sum(near, axis=0) >= 20)
+    return ((verdict == 2) | confirmed) & (disparity > 0)
 
 
 def without_speckles(disparity, valid, step_px, pixels):

@@ -53,23 +53,25 @@ def test_winners_equal_the_oracle_bit_for_bit(half_range, disparities):
     )
     volume = oracle.costs(left, right, workspace.bins, workspace.half_bins)
     total = oracle.sums(volume, (9, 95))
-    disparity, valid, distinct = oracle.winners(total, workspace.half_bins, 0.06, 1.0)
+    disparity, verdict, distinct = oracle.winners(total, workspace.half_bins, 0.06, 1.0)
     np.testing.assert_array_equal(found.disparity, disparity)
-    np.testing.assert_array_equal(found.valid, valid)
+    np.testing.assert_array_equal(found.verdict, verdict)
     np.testing.assert_array_equal(found.distinctness, distinct)
-    assert valid.mean() > 0.5  # the pair is one that can be matched
+    assert (verdict == 2).mean() > 0.5  # the pair is one that can be matched
 
 
 def test_smoothing_equals_the_oracle_bit_for_bit():
     left, right = pair(60, 120)
     workspace = Workspace(60, 120, 32, 0)
     winners = aggregate(
-        left, right, workspace, penalties=(10, 95), uniqueness=0.02, agreement_px=2, threads=1
+        left, right, workspace, penalties=(10, 95), uniqueness=0.25, agreement_px=2, threads=1
     )
     found = smoothed(winners, speckle_pixels=30, speckle_step_px=1.0)
     median = cv2.medianBlur(winners.disparity, 5)
-    valid = oracle.without_speckles(median, winners.valid & (median > 0), 1.0, 30)
-    assert valid.sum() < (winners.valid & (median > 0)).sum()  # something was a speckle
+    accepted = oracle.accepted(median, winners.verdict)
+    assert accepted.sum() > (winners.verdict == 2).sum()  # something was confirmed
+    valid = oracle.without_speckles(median, accepted, 1.0, 30)
+    assert valid.sum() < accepted.sum()  # something was a speckle
     mean, support, same, spread = oracle.smoothed(median, valid)
     np.testing.assert_array_equal(found.disparity, mean)
     np.testing.assert_array_equal(found.support, support)
