@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +28,8 @@ SCAN_SUFFIXES, TEXT_SUFFIXES, PNG_SUFFIXES = (
     frozenset((".txt",)),
     frozenset((".png",)),
 )
+# The number of a sequence, `06`, or of a drive, `2011_09_26_drive_0002_sync`.
+SEQUENCE_NUMBER = re.compile(r"(?:^|_drive_)([0-9]+)(?:_[a-z]+)?$")
 # Where the layouts keep the cameras' pictures; stereo 2012 says colored_0.
 COLOUR_FOLDERS = (
     ("image_2", "image_3"),
@@ -157,8 +160,7 @@ def stray_note(name: str, files: NumberedFiles, numbers: Iterable[FrameNumber]) 
 def one_of(what: str, names: Sequence[str], wanted: str | None, *, path: Path) -> int:
     """Index of the wanted sequence, or of the only one.
 
-    A name may be shortened to a part between underscores, `0002` for
-    `2011_09_26_drive_0002_sync`.
+    A name may be shortened, `drive_0002` or `2` for `2011_09_26_drive_0002_sync`.
 
     Raises:
         UsageError: several fit, or none does; they are listed.
@@ -179,11 +181,10 @@ def one_of(what: str, names: Sequence[str], wanted: str | None, *, path: Path) -
 
 
 def _named(name: str, wanted: str) -> bool:
-    return f"_{wanted}_" in f"_{name}_" or (wanted.isdecimal() and _number(name) == int(wanted))
-
-
-def _number(name: str) -> int | None:
-    return int(name) if name.isdecimal() else None
+    if wanted.isdecimal():
+        number = SEQUENCE_NUMBER.search(name)
+        return number is not None and int(number[1]) == int(wanted)
+    return f"_{wanted}_" in f"_{name}_"
 
 
 def split_folder(path: Path, split: Split | None, *, has: Callable[[Path], bool]) -> Path | None:
