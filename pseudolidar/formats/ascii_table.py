@@ -14,6 +14,7 @@ from pseudolidar.structures.arrays import AnyArray, Float64, Int64
 
 # Digits that bring every value back: IEEE 754 single 9, double 17.
 _DIGITS = {"<f4": "%.9g", "<f8": "%.17g"}
+SHORTEST_VALUE = 2  # bytes: a digit and what separates it
 _ROWS_AT_ONCE = 20_000  # bounds the memory of Python objects
 _NUMBER_BYTES = b"0123456789+-.eE" + b"naifNAIFtyTY" + b" \t\r\n"  # and nan, inf, infinity
 _LARGEST_EXACT = 2.0**53  # whole numbers up to here are exact in a double
@@ -74,7 +75,7 @@ def decode_table(body: bytes, dtypes: Sequence[Dtype], rows: int) -> list[AnyArr
         PointFileTruncated: fewer lines.
         PointFileCorrupt: more lines, a line with another number of values, not numbers.
     """
-    check_claim(2 * rows * len(dtypes), len(body), items=rows, at_byte=0)
+    check_claim(SHORTEST_VALUE * rows * len(dtypes), len(body), items=rows, at_byte=0)
     _check_rows(body, len(dtypes), rows)
     _check_bytes(body)
     if not rows:

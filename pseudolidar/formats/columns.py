@@ -15,7 +15,7 @@ from pseudolidar.structures.cloud import PointCloud
 
 # Frame of a file that does not name one.
 UNKNOWN_FRAME = "unknown"
-# Names that belong to the noun's own columns and cannot name an extra one beside them.
+# Columns of the noun that fields of these names belong to.
 _OWN = {
     "x": "xyz",
     "y": "xyz",
@@ -23,15 +23,17 @@ _OWN = {
     "xyz": "xyz",
     "rgb": "rgb",
     "rgba": "rgb",
-    "red": "rgb",
-    "green": "rgb",
-    "blue": "rgb",
     "intensity": "intensity",
     "sigma_m": "sigma_m",
     "u": "uv",
     "v": "uv",
     "uv": "uv",
 }
+# Of these no part can be missing or another column's: no extra one may have their name.
+_TAKEN = ("xyz", "rgb")
+# Dtypes that text-headed formats lack, and as what they are stored.
+_STORED_AS = {"bool": "uint8", "float16": "float32"}
+_NOTED_DTYPES = (*_STORED_AS, "int64", "uint64")
 _NAME = re.compile(r"[\x21-\x22\x24-\x7e]+")  # printable ASCII without blank and #
 _TAG = "pseudolidar"
 _MAX_NOTE_CHARS = 1000  # rply, which many programs read PLY with, takes lines of 1024
@@ -92,7 +94,7 @@ def parse_notes(comments: Iterable[str]) -> Notes:
             value = json.loads(words[2])
             if words[1] == "dtype":
                 name, dtype = value
-                dtypes[str(name)] = np.dtype(str(dtype)).name
+                dtypes[str(name)] = _NOTED_DTYPES[_NOTED_DTYPES.index(dtype)]
             else:
                 known[words[1]] = _checked_note(words[1], value)
         except (ValueError, TypeError, RecursionError) as error:
@@ -126,9 +128,8 @@ def check_extras(cloud: PointCloud) -> None:
         where = f"PointCloud.extra[{name!r}]"
         if not _NAME.fullmatch(name):
             raise StructureError("its name", want="printable ASCII, no blank, no #", where=where)
-        if name in _OWN and (
-            _OWN[name] == "xyz" or getattr(cloud, _OWN[name]) is not None or name != "intensity"
-        ):
+        own = _OWN.get(name)
+        if own is not None and (own in _TAKEN or getattr(cloud, own) is not None):
             raise StructureError(
                 "the name of an own column of clouds", want="another name", where=where
             )
@@ -163,12 +164,11 @@ def storable(fields: Mapping[str, AnyArray]) -> tuple[dict[str, AnyArray], dict[
     Returns:
         The fields, and the dtypes to be restored by name.
     """
-    wider = {np.dtype(np.bool_): np.uint8, np.dtype(np.float16): np.float32}
     stored = {
-        name: column.astype(wider.get(column.dtype, column.dtype), copy=False)
+        name: column.astype(_STORED_AS.get(column.dtype.name, column.dtype), copy=False)
         for name, column in fields.items()
     }
-    return stored, {n: c.dtype.name for n, c in fields.items() if c.dtype in wider}
+    return stored, {n: c.dtype.name for n, c in fields.items() if c.dtype.name in _STORED_AS}
 
 
 def assemble(
@@ -188,10 +188,11 @@ def assemble(
     """
     fields = dict(fields)
     xyz = _pop_xyz(fields)
-    for name, dtype in notes.dtypes.items():
-        if name in fields:
-            fields[name] = fields[name].astype(dtype)
-    own = _pop_own(fields) if notes.columns is None else _pop_listed(fields, notes.columns)
+    with np.errstate(over="ignore"):
+        for name, dtype in notes.dtypes.items():
+            if name in fields and fields[name].dtype.name == _STORED_AS.get(dtype):
+                fields[name] = fields[name].astype(dtype)
+        own = _pop_own(fields) if notes.columns is None else _pop_listed(fields, notes.columns)
     shape = notes.shape or shape
     if shape is None and notes.columns is None and not np.isfinite(xyz).all():
         shape = (1, len(xyz))  # points of others without a position: a cloud with holes
@@ -203,14 +204,16 @@ def assemble(
 
 
 def _pop_xyz(fields: dict[str, AnyArray]) -> AnyArray:
-    names = {name.lower(): name for name in fields if name.lower() in ("x", "y", "z")}
-    if len(names) < 3:
+    axes = ("x", "y", "z")
+    names = {name.lower(): name for name in fields if name.lower() in axes}
+    names |= {name: name for name in axes if name in fields}
+    if len(names) < len(axes):
         raise PointFileField(
             f"fields {', '.join(fields)[:200] or 'none'}",
             want="x, y and z",
             fix="Check that the file holds points.",
         )
-    columns = [fields.pop(names[axis]) for axis in ("x", "y", "z")]
+    columns = [fields.pop(names[axis]) for axis in axes]
     single = all(column.dtype == np.float32 for column in columns)
     xyz = np.empty((len(columns[0]), 3), np.float32 if single else np.float64)
     for axis, column in enumerate(columns):

@@ -41,6 +41,6 @@ def read_depth_png(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> DepthMap:
 
 
 def encode_depth_png(depth: DepthMap) -> bytes:
-    """The bytes of the PNG: depths to 1/256 m; beyond 255.996 m, as KITTI has it, there are none."""
+    """The bytes of the PNG: depths to 1/256 m; beyond 255.996 m there are none."""
     values = depth.values
     return encode_fixed_point(np.where(values <= LARGEST_DEPTH_M, values, np.float32(np.nan)))

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import io
+import math
+import struct
+import tokenize
 import zipfile
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -31,13 +34,17 @@ from pseudolidar.structures.cloud import PointCloud
 
 # Compressed archives of others are believed up to this ratio; ours are not compressed.
 LARGEST_EXPANSION = 100
-_FACTS = ("frame", "timestamp_ns", "shape")
+_FACTS = ("frame", "timestamp_ns", "shape", "columns")
 _COLUMNS = ("xyz", "rgb", "intensity", "sigma_m", "uv")
 _SUFFIX = ".npy"
 # Fixed time of every member, so that the same cloud gives the same bytes; the oldest of ZIP.
 _MEMBER_TIME = (1980, 1, 1, 0, 0, 0)
 _LONGEST_ARRAY_HEADER = 10_000  # characters, NumPy's own cap
-_BROKEN = (zipfile.BadZipFile, zlib.error, EOFError, ValueError, OSError, RuntimeError, KeyError)
+# What zipfile and NumPy's header parser raise on damaged bytes.
+_BROKEN = (
+    zipfile.BadZipFile, zlib.error, struct.error, tokenize.TokenError, EOFError, ValueError,
+    TypeError, SyntaxError, OSError, RuntimeError, LookupError, MemoryError,
+)  # fmt: skip
 
 
 def write_npz(path: Path, cloud: PointCloud) -> None:
@@ -81,6 +88,7 @@ def encode_npz(cloud: PointCloud) -> bytes:
         **cloud.extra,
         "frame": np.array(cloud.frame),
         "timestamp_ns": np.array(cloud.timestamp_ns, np.int64),
+        "columns": np.array(list(own)),
     }
     if cloud.shape is not None:
         arrays["shape"] = np.array(cloud.shape, np.int64)
@@ -89,7 +97,8 @@ def encode_npz(cloud: PointCloud) -> bytes:
         for name, array in arrays.items():
             member = zipfile.ZipInfo(name + _SUFFIX, _MEMBER_TIME)
             with archive.open(member, "w", force_zip64=True) as file:
-                np.lib.format.write_array(file, np.ascontiguousarray(array), allow_pickle=False)
+                plain = np.asarray(array, order="C")
+                np.lib.format.write_array(file, plain, allow_pickle=False)
     return buffer.getvalue()
 
 
@@ -99,27 +108,35 @@ def decode_npz(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:
     arrays = _arrays(data, limits)
     if "xyz" not in arrays:
         raise PointFileField(f"arrays {', '.join(arrays)[:200] or 'none'}", want="xyz (N, 3)")
-    frame, timestamp_ns, shape = (_fact(arrays, name) for name in _FACTS)
-    own = {name: arrays.pop(name) for name in _COLUMNS if name in arrays}
+    frame, timestamp_ns, shape, columns = _facts(arrays)
+    own = {name: arrays.pop(name) for name in _COLUMNS if name in arrays and name in columns}
     wrong = [name for name, array in arrays.items() if array.ndim != 1 or array.dtype.kind == "U"]
     if wrong:
         raise PointFileCorrupt(f"array {wrong[0]!r} of shape {arrays[wrong[0]].shape}", want="(N,)")
     try:
-        return PointCloud(
-            frame=UNKNOWN_FRAME if frame is None else str(frame),
-            timestamp_ns=int(timestamp_ns or 0),
-            shape=None if shape is None else (int(shape[0]), int(shape[1])),
-            extra=arrays,
-            **own,
-        )
+        return PointCloud(frame=frame, timestamp_ns=timestamp_ns, shape=shape, extra=arrays, **own)
     except StructureError as error:
         raise PointFileCorrupt(error.got, want=error.want, where=error.where) from error
-    except (ValueError, TypeError, IndexError) as error:
-        raise PointFileCorrupt("frame, time or shape of a wrong kind") from error
 
 
-def _fact(arrays: dict[str, AnyArray], name: str) -> Any:
-    return arrays.pop(name).tolist() if name in arrays else None
+def _facts(
+    arrays: dict[str, AnyArray],
+) -> tuple[str, int, tuple[int, int] | None, Sequence[str]]:
+    """Frame, time, shape and which arrays are the noun's own, taken out of `arrays`."""
+    frame, time, shape, columns = (
+        arrays.pop(name).tolist() if name in arrays else None for name in _FACTS
+    )
+    known = isinstance(frame, str | None) and isinstance(time, int | None)
+    if known and isinstance(columns, list | None):
+        match shape:
+            case None:
+                return frame or UNKNOWN_FRAME, time or 0, None, columns or _COLUMNS
+            case [int(rows), int(cols)] if min(rows, cols) >= 0:
+                return frame or UNKNOWN_FRAME, time or 0, (rows, cols), columns or _COLUMNS
+    raise PointFileCorrupt(
+        f"frame, time, shape {str([frame, time, shape])[:80]}",
+        want="a text, a whole number, two whole numbers",
+    )
 
 
 def _arrays(data: bytes, limits: Limits) -> dict[str, AnyArray]:
@@ -151,15 +168,14 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, limits: Limits) ->
             read = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
             shape, fortran, dtype = read[version[0]](file, _LONGEST_ARRAY_HEADER)
             body = file.read()
-    except (*_BROKEN, NotImplementedError) as error:
+    except _BROKEN as error:
         raise PointFileCorrupt(
             "a damaged member", want="a NumPy array", fix="Make the file again.", where=where
         ) from error
     if dtype.hasobject or dtype.kind not in "biufU" or fortran:
         raise PointFileCorrupt(f"{dtype} values", want="plain numbers, row by row", where=where)
     check_point_limit(shape[0] if shape else 0, limits)
-    count = int(np.prod(shape, dtype=object))
-    if len(body) != count * dtype.itemsize:
+    count = math.prod(shape)
+    if min(shape, default=0) < 0 or len(body) != count * dtype.itemsize:
         raise PointFileCorrupt(f"{len(body)} bytes", want=f"{count} values of {dtype}", where=where)
-    array = np.frombuffer(body, dtype).reshape(shape)
-    return array.astype(dtype.newbyteorder("="), copy=False)
+    return np.frombuffer(body, dtype).reshape(shape).astype(dtype.newbyteorder("="))

@@ -8,7 +8,12 @@ from typing import Literal
 import numpy as np
 
 from pseudolidar.errors import PointFileCorrupt, PseudolidarError
-from pseudolidar.formats.ascii_table import decode_table, encode_table, without_blank_lines
+from pseudolidar.formats.ascii_table import (
+    SHORTEST_VALUE,
+    decode_table,
+    encode_table,
+    without_blank_lines,
+)
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.columns import assemble, notes_of, scalar_fields, storable
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
@@ -29,7 +34,8 @@ _TYPES = {"f": "F", "i": "I", "u": "U"}
 _SIZES = np.dtype("<u4")
 # A field holds colours where it has one of these names and 4 bytes B, G, R, alpha.
 _COLOURS = ("rgb", "rgba")
-_SHORTEST_VALUE = 2  # bytes of a value in text: a digit and what separates it
+# Of LZF (`lzf.LARGEST_EXPANSION`, which is not imported here for the weight of numba).
+_LARGEST_EXPANSION = 88
 
 
 def write_pcd(path: Path, cloud: PointCloud, *, encoding: Encoding = "binary") -> None:
@@ -91,6 +97,8 @@ def decode_pcd(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:
     """The cloud in the bytes of a PCD; errors as in `read_pcd`."""
     refuse_other_content(data, want="PCD", kinds=("PCD cloud",))
     header = parse_header(data)
+    least = _least_bytes(header)
+    check_claim(least, len(data) - header.body_at, items=header.points, at_byte=header.body_at)
     check_point_limit(header.points, limits)
     if header.encoding == "ascii":
         values = _ascii_values(data, header)
@@ -101,6 +109,16 @@ def decode_pcd(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:
     shape = (header.height, header.width) if header.height > 1 else None
     fields, rgb = _named(header, values)
     return assemble(fields, rgb, header.notes, shape)
+
+
+def _least_bytes(header: PcdHeader) -> int:
+    """Bytes that the points claimed need at least."""
+    if header.encoding == "ascii":
+        return header.points * sum(field.count for field in header.fields) * SHORTEST_VALUE
+    expanded = header.points * sum(field.count * field.size for field in header.fields)
+    if header.encoding == "binary":
+        return expanded
+    return 2 * _SIZES.itemsize + expanded // _LARGEST_EXPANSION
 
 
 def _packed(rgb: UInt8, dtype: str) -> AnyArray:
@@ -123,9 +141,6 @@ def _compressed(columns: dict[str, AnyArray]) -> bytes:
 def _ascii_values(data: bytes, header: PcdHeader) -> list[AnyArray]:
     """(N, count) values of each field."""
     dtypes = [field.dtype for field in header.fields for _ in range(field.count)]
-    body_bytes = len(data) - header.body_at
-    claimed = header.points * len(dtypes) * _SHORTEST_VALUE
-    check_claim(claimed, body_bytes, items=header.points, at_byte=header.body_at)
     columns = decode_table(without_blank_lines(data[header.body_at :]), dtypes, header.points)
     values, at = [], 0
     for field in header.fields:
@@ -145,7 +160,6 @@ def _compressed_values(data: bytes, header: PcdHeader) -> list[AnyArray]:
     from pseudolidar.formats.lzf import decompress
 
     at = header.body_at + 2 * _SIZES.itemsize
-    check_claim(at, len(data), items=1, at_byte=0)
     packed, expanded = (int(n) for n in np.frombuffer(data, _SIZES, 2, header.body_at))
     claimed = header.points * header.record.itemsize
     if expanded != claimed:
@@ -186,7 +200,7 @@ def _named(header: PcdHeader, values: list[AnyArray]) -> tuple[dict[str, AnyArra
             named |= {f"{field.name}_{i}": column[:, i].copy() for i in range(field.count)}
         elif rgb is None and field.name.lower() in _COLOURS and field.size == 4:
             unpacked = np.ascontiguousarray(column).view(np.uint8).reshape(-1, 4)
-            rgb = np.ascontiguousarray(unpacked[:, 2::-1])
+            rgb = unpacked[:, 2::-1].copy()
             if field.name.lower() == "rgba":
                 named["alpha"] = unpacked[:, 3].copy()
         else:

@@ -7,8 +7,18 @@ from typing import Literal
 
 import numpy as np
 
-from pseudolidar.errors import PointFileCorrupt, PointFileField, PseudolidarError
-from pseudolidar.formats.ascii_table import encode_table, line_ends, without_blank_lines
+from pseudolidar.errors import (
+    PointFileCorrupt,
+    PointFileField,
+    PointFileTruncated,
+    PseudolidarError,
+)
+from pseudolidar.formats.ascii_table import (
+    SHORTEST_VALUE,
+    encode_table,
+    line_ends,
+    without_blank_lines,
+)
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.columns import Notes, assemble, notes_of, scalar_fields, storable
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
@@ -33,7 +43,6 @@ _PLAIN = {"intensity", "nx", "ny", "nz", "alpha"}
 # PLY has no 64-bit integers: such a column is written as two, by these endings.
 _HIGH, _LOW = "_high32", "_low32"
 _HALVES = {"int64": ("<i4", "<u4"), "uint64": ("<u4", "<u4")}
-_SHORTEST_VALUE = 2  # bytes of a value in text: a digit and what separates it
 
 
 def write_ply(
@@ -106,12 +115,23 @@ def decode_ply(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:
             f"{len(vertices)} elements 'vertex' among {[e.name for e in header.elements][:10]}",
             want="one with x, y and z",
         )
+    _check_claims(data, header)
     check_point_limit(vertices[0].count, limits)
     columns = _ascii(data, header) if header.encoding == "ascii" else _binary(data, header)
     if len(next(iter(columns.values()), ())) != vertices[0].count:
         raise PointFileField("vertices without single values", want="x, y and z")
     rgb = _pop_colours(columns)
     return assemble(_named(columns, header.notes), rgb, header.notes, None)
+
+
+def _check_claims(data: bytes, header: PlyHeader) -> None:
+    text = header.encoding == "ascii"
+    claimed = sum(
+        e.count * (len(e.properties) * SHORTEST_VALUE if text else e.smallest_bytes)
+        for e in header.elements
+    )
+    items = sum(e.count for e in header.elements)
+    check_claim(claimed, len(data) - header.body_at, items=items, at_byte=header.body_at)
 
 
 def _binary(data: bytes, header: PlyHeader) -> Columns:
@@ -131,21 +151,24 @@ def _binary(data: bytes, header: PlyHeader) -> Columns:
 
 def _ascii(data: bytes, header: PlyHeader) -> Columns:
     elements = [e for e in header.elements if e.properties]
-    claimed = sum(e.count * len(e.properties) * _SHORTEST_VALUE for e in elements)
-    items = sum(e.count for e in elements)
-    check_claim(claimed, len(data) - header.body_at, items=items, at_byte=header.body_at)
     body = without_blank_lines(data[header.body_at :])
     ends = np.concatenate([[0], line_ends(body)])
     first, vertices = 0, {}
     for element in elements:
         last = min(first + element.count, len(ends) - 1)
+        if last - first < element.count:
+            raise PointFileTruncated(
+                f"{last - first} lines of {element.name!r}",
+                want=f"{element.count}",
+                fix="Copy or make the file again: it ends early.",
+            )
         columns = ascii_items(body[ends[first] : ends[last]], element)
         if element.name == "vertex":
             vertices = columns
         first = last
     if ends[first] < len(body):
         raise PointFileCorrupt(
-            f"{len(ends) - 1} lines of items", want=f"{items} as the header says"
+            f"{len(ends) - 1} lines of items", want=f"{first} as the header says"
         )
     return vertices
 
@@ -163,15 +186,21 @@ def _pop_colours(columns: Columns) -> UInt8 | None:
 
 
 def _named(columns: Columns, notes: Notes) -> Columns:
-    """The columns without prefix, 64-bit integers joined."""
+    """The columns without prefix, 64-bit integers joined, in their order."""
+    split = {name: dtype for name, dtype in notes.dtypes.items() if dtype in _HALVES}
     named: Columns = {}
     for title, column in columns.items():
         name = title.removeprefix(_SCALAR)
-        named[title if name in columns or name in named else name] = column
-    for name, dtype in notes.dtypes.items():
-        if dtype in _HALVES and name + _HIGH in named and name + _LOW in named:
-            pairs = np.empty((len(named[name + _HIGH]), 2), "<u4")
-            pairs[:, 1] = named.pop(name + _HIGH).view("<u4")
-            pairs[:, 0] = named.pop(name + _LOW).view("<u4")
-            named[name] = pairs.view("<i8" if dtype == "int64" else "<u8")[:, 0]
+        whole, low = name.removesuffix(_HIGH), title.removesuffix(_HIGH) + _LOW
+        halves = [column, columns.get(low, column[:0])]
+        if whole in split and low in columns and all(h.dtype.itemsize == 4 for h in halves):
+            named[whole] = _joined(column, columns[low], split[whole])
+        elif name.removesuffix(_LOW) not in split:
+            named[title if name in columns or name in named else name] = column
     return named
+
+
+def _joined(high: AnyArray, low: AnyArray, dtype: str) -> AnyArray:
+    pairs = np.empty((len(high), 2), "<u4")
+    pairs[:, 0], pairs[:, 1] = low.view("<u4"), high.view("<u4")
+    return pairs.view(dtype)[:, 0]

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pseudolidar.errors import PointFileHeader, PointFileTruncated
+from pseudolidar.errors import PointFileHeader
 from pseudolidar.formats.ascii_table import Dtype
 from pseudolidar.formats.columns import Notes, parse_notes
-from pseudolidar.formats.point_file import MAX_HEADER_BYTES, header_count
+from pseudolidar.formats.point_file import header_count, header_lines
 
 TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
@@ -88,7 +87,8 @@ def parse_header(data: bytes) -> PlyHeader:
     encoding = ""
     elements: list[PlyElement] = []
     comments: list[str] = []
-    for number, words, end in _lines(data):
+    for number, text, end in header_lines(data, last="end_header"):
+        words = text.split()
         where = f"line {number}"
         match words:
             case ["ply"] if number == 1:
@@ -111,29 +111,7 @@ def parse_header(data: bytes) -> PlyHeader:
                     want=f"{_WANT}; format {', '.join(_BYTE_ORDERS)} 1.0 once and first",
                     where=where,
                 )
-    raise PointFileTruncated(
-        f"{len(data)} bytes and no complete end_header line",
-        want="a PLY header up to its end_header line",
-        fix="Copy or make the file again: it ends early, or is no PLY.",
-        where=f"byte {len(data)}",
-    )
-
-
-def _lines(data: bytes) -> Iterator[tuple[int, list[str], int]]:
-    """Number, words and end of each complete line that is not blank."""
-    at, number = 0, 0
-    while (newline := data.find(b"\n", at, MAX_HEADER_BYTES)) >= 0:
-        number += 1
-        words = data[at:newline].decode("utf-8", errors="replace").split()
-        at = newline + 1
-        if words or number == 1:
-            yield number, words, at
-    if len(data) >= MAX_HEADER_BYTES:
-        raise PointFileHeader(
-            f"no end_header line within {MAX_HEADER_BYTES} bytes",
-            want="a PLY",
-            where=f"line {number}",
-        )
+    raise AssertionError("header_lines ends with an error")
 
 
 def _property(words: list[str], order: str, where: str) -> PlyProperty:

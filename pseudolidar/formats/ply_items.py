@@ -13,6 +13,7 @@ from pseudolidar.formats.point_file import check_claim
 from pseudolidar.structures.arrays import AnyArray, Int64, UInt8
 
 Columns = dict[str, AnyArray]
+_LONGEST_COUNT = 10  # digits of a list's length in text
 
 
 def binary_items(data: bytes, at: int, element: PlyElement) -> tuple[Columns, int]:
@@ -131,7 +132,7 @@ def _single_words(line: bytes, index: int, element: PlyElement) -> bytes:
         length = 1
         if p.length is None:
             kept += words[at : at + 1]
-        elif at < len(words) and words[at].isdigit():
+        elif at < len(words) and words[at].isdigit() and len(words[at]) < _LONGEST_COUNT:
             length = 1 + int(words[at])
         else:
             at = len(words) + 1

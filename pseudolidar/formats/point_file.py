@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 from pseudolidar.errors import (
@@ -55,6 +56,37 @@ def refuse_other_content(data: bytes, *, want: str, kinds: tuple[str, ...]) -> N
             fix="Give the file the extension of its content.",
             where="byte 0",
         )
+
+
+def header_lines(data: bytes, *, last: str) -> Iterator[tuple[int, str, int]]:
+    """Number (from 1), text and end in bytes of each complete line that is not blank.
+
+    Args:
+        data: the file.
+        last: what the last line of the header starts with; the caller stops there.
+
+    Raises:
+        PointFileTruncated: the file ends before that line does.
+        PointFileHeader: it does not come within `MAX_HEADER_BYTES`.
+    """
+    at, number = 0, 0
+    while (newline := data.find(b"\n", at, MAX_HEADER_BYTES)) >= 0:
+        number += 1
+        text = data[at:newline].decode("utf-8", errors="replace").lstrip("\ufeff").strip()
+        at = newline + 1
+        if text:
+            yield number, text, at
+    want = f"a header up to its {last} line"
+    if len(data) >= MAX_HEADER_BYTES:
+        raise PointFileHeader(
+            f"no {last} line within {MAX_HEADER_BYTES} bytes", want=want, where=f"line {number}"
+        )
+    raise PointFileTruncated(
+        f"{len(data)} bytes and no complete {last} line",
+        want=want,
+        fix="Copy or make the file again: it ends early, or is of another format.",
+        where=f"byte {len(data)}",
+    )
 
 
 def header_count(text: str, name: str, where: str) -> int:
