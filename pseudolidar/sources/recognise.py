@@ -1,0 +1,66 @@
+"""What a path is, by what is in it."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+
+from pseudolidar.errors import SourceUnknown, UsageError
+from pseudolidar.sources.folder import Folders, seen_in
+from pseudolidar.sources.kitti_object import KittiObject
+from pseudolidar.sources.kitti_odometry import KittiOdometry
+from pseudolidar.sources.kitti_raw import KittiRaw
+from pseudolidar.sources.kitti_stereo import KittiStereo
+from pseudolidar.sources.synthetic import Synthetic
+
+Source = KittiRaw | KittiObject | KittiStereo | KittiOdometry | Folders | Synthetic
+
+# The stricter layout first: KITTI's are folders of pairs, too.
+LAYOUTS = (KittiRaw, KittiObject, KittiStereo, KittiOdometry, Folders)
+SYNTHETIC = "synthetic:"
+LOOKED_FOR = (
+    "KITTI raw, object, stereo or odometry data, "
+    "pairs of pictures (folders left and right, names with left and right, _l and _r, "
+    "im0 and im1), or synthetic:street"
+)
+
+
+def recognise(path: str) -> Source:
+    """Settings of the source that `path` is: a folder, or `synthetic:WORLD[:FRAMES]`.
+
+    Raises:
+        SourceUnknown: nothing known; says what was looked for and what is there.
+        UsageError: a number of frames that is none.
+    """
+    if path.startswith(SYNTHETIC):
+        return _synthetic(path)
+    place = Path(path)
+    if not place.exists():
+        raise _absent(path)
+    for layout in LAYOUTS:
+        if layout.looks_like(place):
+            return layout(path)
+    raise SourceUnknown(
+        seen_in(place) if place.is_dir() else f"a file of {place.stat().st_size} bytes",
+        want=LOOKED_FOR,
+        fix="Name its kind by --source, or its pictures by --source folders "
+        "--source.left-pattern 'a_*.png' --source.right-pattern 'b_*.png'.",
+        path=path,
+    )
+
+
+def _synthetic(path: str) -> Synthetic:
+    world, colon, frames = path.removeprefix(SYNTHETIC).partition(":")
+    if not colon:
+        return Synthetic(world)
+    if not (frames.isascii() and frames.isdecimal() and int(frames) > 0):
+        raise UsageError(f"{frames!r} frames in {path!r}", want="such as synthetic:street:40")
+    return Synthetic(world, frames=int(frames))
+
+
+def _absent(path: str) -> SourceUnknown:
+    place = Path(path)
+    beside = [entry.name for entry in place.parent.iterdir()] if place.parent.is_dir() else []
+    near = difflib.get_close_matches(place.name, beside, n=1)
+    fix = f"Did you mean {str(place.parent / near[0])!r}?" if near else "Check the path."
+    return SourceUnknown("no such file or folder", want=LOOKED_FOR, fix=fix, path=path)
