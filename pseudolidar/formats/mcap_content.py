@@ -16,7 +16,7 @@ class McapContent:
         images: how the pair is stored; 16-bit images are always PNG, `none` leaves the pair out.
         jpeg_quality: 0-100.
         disparity: store the disparity, 32-bit float px, NaN where there is none.
-        depth: store the depth in mm, 16 bits: as raw image, which viewers know as depth, or as a
+        depth: store the depth in mm, 16 bits: as raw image, whose values viewers show, or as a
             smaller and slower PNG.
         cloud: store the stereo cloud with all its columns.
         scan: store the LiDAR scan.
