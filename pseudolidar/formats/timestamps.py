@@ -15,7 +15,7 @@ from pathlib import Path
 from pseudolidar.errors import SequenceTime
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.text import NUMBER, TextLine, read_lines
+from pseudolidar.formats.text import TextLine, read_lines
 
 NS_PER_S = 1_000_000_000
 DATE = re.compile(
@@ -74,7 +74,7 @@ def read_times(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> tuple[int, ...
 def _seconds_ns(line: TextLine) -> int:
     words = line.words()
     (seconds,) = line.numbers(words, count=1)
-    if not (0 <= seconds < LARGEST_S and NUMBER.fullmatch(words[0].text)):
+    if not 0 <= seconds < LARGEST_S:
         raise line.refusal(f"{words[0].text!r} s", want="seconds from the start of the sequence")
     return int((Decimal(words[0].text) * NS_PER_S).to_integral_value())
 

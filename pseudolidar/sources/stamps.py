@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from pseudolidar.errors import SequenceTime, UsageError
+from pseudolidar.formats.timestamps import NS_PER_S
 
-NS_PER_S = 1_000_000_000
 # Frames without times start here: a stamp of 0 means "no time" to many tools.
 START_NS = NS_PER_S
 # A gap beyond this multiple of the median interval is told.
