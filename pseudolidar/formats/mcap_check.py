@@ -169,11 +169,11 @@ class _Reading:
     def _add_channel(self, channel: Channel, offset: int) -> None:
         if channel.id in self._channels:
             return
-        if channel.schema_id not in self._classes:
+        readable = channel.message_encoding == PROTOBUF
+        if channel.schema_id not in self._classes and (readable or channel.schema_id):
             raise broken(f"topic {channel.topic!r} without a schema", offset)
-        name, kind = self._classes[channel.schema_id]
-        kind = kind if channel.message_encoding == PROTOBUF else None
-        self._channels[channel.id] = ChannelCheck(channel.topic, name, kind)
+        name, kind = self._classes.get(channel.schema_id, ("", None))
+        self._channels[channel.id] = ChannelCheck(channel.topic, name, kind if readable else None)
 
     def _add_message(self, message: RawMessage, offset: int) -> None:
         channel = self._channels.get(message.channel_id)
