@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -110,8 +111,12 @@ class MessageChecks:
             content = channel.kind.FromString(message.data)
         except DecodeError as error:
             raise _wrong(channel, f"a message that is no {channel.schema} ({error})") from error
-        self._check_stamp(channel, content)
-        self._check_content(channel, content)
+        try:
+            self._check_stamp(channel, content)
+            self._check_content(channel, content)
+        except (AttributeError, TypeError) as error:
+            # The class comes from the file: it may have other fields than its name promises.
+            raise _wrong(channel, f"a schema that is not that of Foxglove ({error})") from error
 
     def finish(self) -> None:
         """Check that transforms form one tree that has every frame in use.
@@ -178,9 +183,9 @@ class MessageChecks:
 
 
 def _check_unit(channel: ChannelCheck, q: Any) -> None:
-    norm2 = q.x**2 + q.y**2 + q.z**2 + q.w**2
-    if not abs(norm2 - 1) <= UNIT_TOLERANCE:
-        raise _wrong(channel, f"a quaternion of squared norm {norm2:g}")
+    norm = math.hypot(q.x, q.y, q.z, q.w)
+    if not abs(norm - 1) <= UNIT_TOLERANCE:
+        raise _wrong(channel, f"a quaternion of norm {norm:g}")
 
 
 def _check_cloud(channel: ChannelCheck, cloud: Any) -> None:

@@ -189,6 +189,15 @@ def test_a_schema_that_is_none(tmp_path: Path, schema: bytes) -> None:
         check_mcap(written_by_hand(tmp_path / "a.mcap", schema))
 
 
+def test_a_schema_that_has_other_fields_than_its_name_promises(tmp_path: Path) -> None:
+    files = build_file_descriptor_set(PointCloud)
+    (stride,) = [field for field in files.file[-1].message_type[0].field if field.number == 4]
+    stride.name = "step"
+    path = written_by_hand(tmp_path / "a.mcap", files.SerializeToString())
+    with pytest.raises(RecordingError, match="not that of Foxglove"):
+        check_mcap(path)
+
+
 def test_a_channel_without_a_schema(tmp_path: Path) -> None:
     schema = build_file_descriptor_set(PointCloud).SerializeToString()
     path = tmp_path / "a.mcap"
