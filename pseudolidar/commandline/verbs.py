@@ -16,6 +16,7 @@ from typing import Any, get_type_hints
 from pseudolidar.errors import UsageError
 from pseudolidar.running.settings_schema import is_settings
 
+PIPELINES = "pseudolidar.pipelines"
 RUN_VERB = "run"
 RUN_HELP = "Run a pipeline of your own: `pseudolidar run my_job.py --help`."
 
@@ -39,9 +40,7 @@ class Verb:
 
 def pipelines_folder() -> Path:
     """Where the pipelines of this installation lie."""
-    from pseudolidar import pipelines
-
-    return Path(pipelines.__path__[0])
+    return Path(importlib.import_module(PIPELINES).__path__[0])
 
 
 def verb_files() -> dict[str, Path]:
@@ -73,7 +72,7 @@ def load_verb(name: str) -> Verb:
             want=f"one of {', '.join(known)}",
             fix=did_you_mean(name, known) or "See `pseudolidar --help`.",
         )
-    return _verb(name, importlib.import_module(f"pseudolidar.pipelines.{files[name].stem}"))
+    return _verb(name, importlib.import_module(f"{PIPELINES}.{files[name].stem}"))
 
 
 def load_file(text: str) -> Verb:
