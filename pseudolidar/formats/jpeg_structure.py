@@ -10,12 +10,13 @@ import re
 
 from pseudolidar.errors import ImageFormat, ImageTruncated
 from pseudolidar.formats.image_header import ImageHeader, truncated
+from pseudolidar.formats.jpeg_scan import JpegScan, JpegState, scan_of
 
-SOI, EOI, SOS, DRI = 0xD8, 0xD9, 0xDA, 0xDD
+SOI, EOI, SOS, DRI, DHT = 0xD8, 0xD9, 0xDA, 0xDD, 0xC4
 SIZES = (0xC0, 0xC1, 0xC2)  # baseline, extended and progressive Huffman: what libjpeg decodes
 OTHER_SIZES = (0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF)
 # What may follow a scan: tables, comments, further scans, the number of lines, the end.
-AFTER_SCAN = {0xC4, 0xDB, 0xDC, DRI, SOS, EOI, 0xFE, *range(0xE0, 0xF0)}
+AFTER_SCAN = {DHT, 0xDB, 0xDC, DRI, SOS, EOI, 0xFE, *range(0xE0, 0xF0)}
 # The first marker after entropy-coded data that is not stuffing, a restart or a fill byte.
 _SCAN_END = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 _RESTART = re.compile(rb"\xff([\xd0-\xd7])")
@@ -52,27 +53,42 @@ def jpeg_header(data: bytes) -> ImageHeader:
 
 
 def check_jpeg(data: bytes) -> None:
-    """Walk all segments and scans to the end mark.
+    """Walk all segments and scans to the end mark, and the codes of sequential scans.
 
-    Found: a file that ends early, missing or wrong markers, a wrong order of restart marks.
+    Found: a file that ends early, missing or wrong markers, a wrong order of restart marks, codes
+    that are illegal or of the wrong number (see `jpeg_entropy` for what is not found).
 
     Raises:
-        ImageTruncated: the end mark is missing, or the structure is damaged.
+        ImageTruncated: the end mark is missing, or the file is damaged.
     """
-    at, restarts, scans = 2, False, 0
+    at, state = 2, JpegState()
     while True:
         marker, start, end = _segment(data, at)
         if marker == EOI:
             break
-        if marker == DRI:
-            restarts = data[start:end] != b"\0\0"
-        if scans and marker not in AFTER_SCAN:
+        if state.scans and marker not in AFTER_SCAN:
             raise _corrupt(f"marker FF{marker:02X} at byte {at} after the image data")
-        at = end
-        if marker == SOS:
-            at, scans = _scan_end(data, end, restarts), scans + 1
-    if not scans:
+        try:
+            scan = _taken_in(state, marker, data[start:end])
+        except ValueError as error:
+            raise _corrupt(f"{error} at byte {at}") from None
+        at = _scan_end(data, end, state.restart, scan) if marker == SOS else end
+    if not state.scans:
         raise _corrupt("no image data")
+
+
+def _taken_in(state: JpegState, marker: int, body: bytes) -> JpegScan | None:
+    """Let a segment change the state; a scan segment gives what its data must hold."""
+    if marker in SIZES:
+        state.define_frame(marker, body)
+    elif marker == DHT:
+        state.define_tables(body)
+    elif marker == DRI:
+        state.restart = int.from_bytes(body, "big")
+    elif marker == SOS:
+        state.scans += 1
+        return scan_of(state, body)
+    return None
 
 
 def _segment(data: bytes, at: int) -> tuple[int, int, int]:
@@ -98,15 +114,34 @@ def _segment(data: bytes, at: int) -> tuple[int, int, int]:
     return marker, at + 4, at + 2 + size
 
 
-def _scan_end(data: bytes, start: int, restarts: bool) -> int:
-    """Where the marker stands that ends the entropy-coded data from `start`."""
+def _scan_end(data: bytes, start: int, restart: int, scan: JpegScan | None) -> int:
+    """Where the marker stands that ends the entropy-coded data from `start`, after checking it."""
     found = _SCAN_END.search(data, start)
     if found is None:
         raise _no_end(data)
-    for number, restart in enumerate(_RESTART.finditer(data, start, found.start())):
-        if not restarts or restart[1][0] != 0xD0 + number % 8:
-            raise _corrupt(f"restart mark FF{restart[1][0]:02X} at byte {restart.start()}")
+    cuts = [start]
+    for number, mark in enumerate(_RESTART.finditer(data, start, found.start())):
+        if not restart or mark[1][0] != 0xD0 + number % 8:
+            raise _corrupt(f"restart mark FF{mark[1][0]:02X} at byte {mark.start()}")
+        cuts += [mark.start(), mark.end()]
+    cuts.append(found.start())
+    if scan is not None:
+        _check_codes(data, scan, list(zip(cuts[0::2], cuts[1::2], strict=True)))
     return found.start()
+
+
+def _check_codes(data: bytes, scan: JpegScan, intervals: list[tuple[int, int]]) -> None:
+    from pseudolidar.formats.jpeg_entropy import damage_of
+
+    left = scan.mcus
+    for start, end in intervals:
+        mcus = min(scan.restart or left, left)
+        damage = damage_of(data[start:end], mcus, scan.blocks, scan.tables)
+        if damage:
+            raise _corrupt(f"{damage} between bytes {start} and {end}")
+        left -= mcus
+    if left:
+        raise _corrupt(f"{left} of {scan.mcus} groups of blocks missing")
 
 
 def _no_end(data: bytes) -> ImageTruncated:

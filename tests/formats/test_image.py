@@ -139,10 +139,25 @@ def test_exif_rotation_is_ignored() -> None:
     assert decode_image(data, "a.jpg").pixels.shape == RGB.shape
 
 
-@pytest.mark.parametrize("mode", [{"progressive": True}, {"restart_marker_rows": 1}, {}])
-def test_jpegs_of_other_encoders(mode: dict[str, object]) -> None:
-    data = pillow_bytes(Pillow.fromarray(smooth_rgb()), "JPEG", quality=90, **mode)
-    assert decode_image(data + b"trailing bytes", "a.JPEG").pixels.shape == (240, 320, 3)
+@pytest.mark.parametrize(
+    "mode",
+    [
+        {},
+        {"progressive": True},
+        {"restart_marker_rows": 1},
+        {"restart_marker_blocks": 7},
+        {"optimize": True},
+        {"subsampling": 0},
+        {"subsampling": 1},
+        {"subsampling": 2, "restart_marker_blocks": 3},
+    ],
+)
+@pytest.mark.parametrize("size", [(240, 320), (239, 319), (17, 9), (1, 1)])
+def test_jpegs_of_other_encoders(mode: dict[str, object], size: tuple[int, int]) -> None:
+    photo = smooth_rgb()[: size[0], : size[1]]
+    for pixels in (photo, np.ascontiguousarray(photo[:, :, 1])):
+        data = pillow_bytes(Pillow.fromarray(pixels), "JPEG", quality=90, **mode)
+        assert decode_image(data + b"trailing bytes", "a.JPEG").pixels.shape == pixels.shape
 
 
 def test_encoders_round_trip() -> None:
@@ -273,6 +288,40 @@ def test_zeroed_block_of_a_jpeg_with_restarts(quiet_stderr: None) -> None:
     middle = len(data) // 2
     data[middle : middle + 4096] = bytes(4096)
     refusal(bytes(data), "a.jpg", ImageTruncated)
+
+
+def test_lost_rows_of_a_jpeg_with_restarts(quiet_stderr: None) -> None:
+    plain = Pillow.fromarray(smooth_rgb())
+    data = pillow_bytes(plain, "JPEG", quality=90, restart_marker_rows=1)
+    end = data.rindex(b"\xff\xd5")  # the 14th and last mark, before the 15th row
+    refusal(data[:end] + b"\xff\xd9", "a.jpg", ImageTruncated)
+
+
+@pytest.mark.parametrize("block", [1, 64, 512])
+def test_what_libjpeg_complains_about_is_refused(
+    block: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    data = encode_jpeg(smooth_rgb(), 90)
+    start = data.index(b"\xff\xda") + 14
+    rng = np.random.default_rng(block)
+    refused = 0
+    for place in rng.integers(start, len(data) - block - 2, 60):
+        damaged = data[:place] + rng.bytes(block) + data[place + block :]
+        try:
+            decode_image(damaged, "a.jpg")
+        except ImageTruncated:
+            refused += 1
+            continue
+        assert capfd.readouterr().err == ""  # what is accepted, libjpeg decoded without complaint
+    assert refused > 60 // 5  # a byte may change a coefficient alone; a block hardly
+    assert block == 1 or refused > 60 * 4 // 5
+
+
+def test_motion_jpeg_without_tables_is_left_to_the_decoder() -> None:
+    data = encode_jpeg(smooth_rgb(), 90)
+    while (at := data.find(b"\xff\xc4")) >= 0:
+        data = data[:at] + data[at + 2 + int.from_bytes(data[at + 2 : at + 4], "big") :]
+    assert decode_image(data, "a.jpg").pixels.shape == (240, 320, 3)
 
 
 def test_any_flipped_bit_of_a_png_is_found(quiet_stderr: None) -> None:
