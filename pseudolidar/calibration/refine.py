@@ -13,8 +13,9 @@ from pseudolidar.structures.samples import DisparitySamples
 
 # Fewer than this cannot tell eight coefficients from noise that is correlated over some pixels.
 MIN_SAMPLES = 500
-# More than this changes no coefficient by 0.01 px; taken evenly.
-MAX_SAMPLES = 200_000
+# Taken evenly: of 1.8 million samples of KITTI stereo 2015, so many give the same correction to
+# 0.03 px anywhere.
+MAX_SAMPLES = 100_000
 # Tuning constant of the Cauchy weight, in robust standard deviations: 95 % efficiency on Gaussian
 # noise. Source: Holland & Welsch 1977, Robust regression using iteratively reweighted
 # least-squares.
@@ -24,10 +25,10 @@ SIGMA_PER_MAD = 1.4826
 MIN_SCALE_PX = 1e-3
 # How large the coefficients of a rig are expected to be, one standard deviation, px (KITTI 0.5-1).
 PRIOR_PX = 1.0
-# Errors of neighbouring pixels are correlated: a frame tells as much as so many independent ones
-# (300 x 1000 px of matcher windows of about 50 x 50 px that share an object's error).
+# Errors of neighbouring pixels are correlated: a frame is taken to tell as much as so many
+# independent ones, those of patches of about 50 x 50 px in the half of a KITTI image with truth.
 INDEPENDENT_PER_FRAME = 100
-MAX_ITERATIONS, CONVERGED_PX = 50, 1e-5
+MAX_ITERATIONS, CONVERGED_PX = 50, 1e-4
 # The residual is measured on frames left out of the fit, in this many turns.
 FOLDS = 5
 # Medians of blocks of a frame: columns of the image times bands of disparity, px.
@@ -67,7 +68,7 @@ def fit(samples: DisparitySamples, *, origin: str = "") -> DisparityCorrection:
         )
     thinned = samples[:: max(1, -(-len(samples) // MAX_SAMPLES))]
     described = origin or f"{len(samples)} samples of {len(frames)} frames"
-    return DisparityCorrection(_coefficients(thinned), _residual_px(thinned, frames), described)
+    return DisparityCorrection(_coefficients(thinned), _residual_px(thinned), described)
 
 
 def _usable(samples: DisparitySamples) -> DisparitySamples:
@@ -98,28 +99,40 @@ def _coefficients(samples: DisparitySamples) -> Float64:
     return coefficients
 
 
-def _residual_px(samples: DisparitySamples, frames: Int64) -> float:
-    """One standard deviation of the systematic error left on frames outside the fit."""
-    if len(frames) == 1:
-        medians = list(_block_medians(samples, _coefficients(samples)))
-        return max(ONE_FRAME_RESIDUAL_PX, _one_sigma(medians))
-    medians = []
-    for turn in range(min(FOLDS, len(frames))):
-        held = np.isin(samples.frame, frames[turn::FOLDS])
-        coefficients = _coefficients(samples[~held])
-        for frame in frames[turn::FOLDS]:
-            medians += _block_medians(samples[samples.frame == frame], coefficients)
-    return _one_sigma(medians) if medians else ONE_FRAME_RESIDUAL_PX
+def _residual_px(samples: DisparitySamples) -> float:
+    """One standard deviation of the systematic error left on parts outside the fit.
+
+    Parts are the frames; of a single frame, the columns of blocks. A few frames look more alike
+    than the frames to come, so that n of them show too little of it: by 1 + 1/n (measured on KITTI
+    stereo 2015: fits to 1, 3, 5 and 11 frames, claims 0.66, 0.27, 0.26, 0.25 px, found on the 11
+    other frames 0.61, 0.39, 0.29, 0.29 px).
+    """
+    frames = len(np.unique(samples.frame))
+    single = frames == 1
+    part = _block_columns(samples) if single else samples.frame
+    parts = np.unique(part)
+    medians: list[float] = []
+    for turn in range(min(FOLDS, len(parts))):
+        held = np.isin(part, parts[turn::FOLDS])
+        if not held.all():
+            coefficients = _coefficients(samples[~held])
+            medians += _block_medians(samples[held], coefficients)
+    return max(ONE_FRAME_RESIDUAL_PX if single else 0.0, (1 + 1 / frames) * _one_sigma(medians))
+
+
+def _block_columns(samples: DisparitySamples) -> Int64:
+    return (samples.u * BLOCK_COLUMNS / samples.size_px[0]).astype(np.int64)
 
 
 def _block_medians(samples: DisparitySamples, coefficients: Float64) -> Iterator[float]:
-    """Median residual of each block of one frame that has enough samples."""
+    """Median residual of each block of each frame that has enough samples."""
     features = DisparityCorrection.features(samples.measured, samples.u, samples.v, samples.size_px)
     residual = samples.measured - features @ coefficients - samples.reference
-    column = (samples.u * BLOCK_COLUMNS / samples.size_px[0]).astype(np.intp)
-    block = column + BLOCK_COLUMNS * np.digitize(samples.reference, BLOCK_BANDS_PX)
-    for name in np.unique(block):
-        inside = residual[block == name]
+    band = np.digitize(samples.reference, BLOCK_BANDS_PX)
+    place = np.stack([samples.frame, _block_columns(samples), band])
+    _, block = np.unique(place, axis=1, return_inverse=True)
+    order = np.argsort(block, kind="stable")
+    for inside in np.split(residual[order], np.flatnonzero(np.diff(block[order])) + 1):
         if len(inside) >= MIN_BLOCK_SAMPLES:
             yield float(np.median(inside))
 
