@@ -23,9 +23,8 @@ def encode_fixed_point(values: Float32) -> bytes:
     A value that would round to 0 becomes the smallest step, so that it stays one. The caller has
     taken care of values above 255.998.
     """
-    steps = np.rint(np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0) * STEPS_PER_UNIT)
-    steps = np.where(values > 0, np.clip(steps, 1, LARGEST_STEP), 0)
-    steps[~np.isfinite(values)] = 0
+    steps = np.clip(np.rint(values * np.float32(STEPS_PER_UNIT)), 1, LARGEST_STEP)
+    steps[~((values > 0) & np.isfinite(values))] = 0
     return encode_png(steps.astype(np.uint16))
 
 

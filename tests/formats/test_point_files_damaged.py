@@ -10,12 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pseudolidar.errors import PseudolidarError
+from pseudolidar.errors import PointFileTruncated, PseudolidarError
 from pseudolidar.formats.limits import Limits
 from pseudolidar.formats.npz import decode_npz, encode_npz
 from pseudolidar.formats.pcd import decode_pcd, encode_pcd
 from pseudolidar.formats.pfm import decode_pfm, encode_pfm
 from pseudolidar.formats.ply import decode_ply, encode_ply
+from pseudolidar.formats.velodyne_bin import read_velodyne_bin
+from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DisparityMap
 
 # A mutated header may claim what the file could hold; the test must not then wait for it.
@@ -111,3 +113,17 @@ def test_lying_headers_do_not_allocate(damaged):
     finally:
         tracemalloc.stop()
     assert peak < 20e6
+
+
+@pytest.mark.real
+@pytest.mark.parametrize("name", ["pcd-binary", "pcd-compressed", "ply-binary", "npz"])
+def test_real_cloud_cut_in_header_and_body(real_data, name):
+    scan = read_velodyne_bin(real_data / "kitti_stereo2015/training/velodyne/000002_10.bin")
+    cloud = PointCloud(scan.xyz, scan.frame, intensity=scan.reflectance)
+    encode, decode = FILES[name]
+    data = encode(cloud)
+    np.testing.assert_array_equal(decode(data).xyz, scan.xyz)
+    body = np.random.default_rng(1).integers(600, len(data), 40)
+    for size in (*range(600), *body, len(data) - 1):
+        with pytest.raises(PointFileTruncated):
+            decode(data[:size])
