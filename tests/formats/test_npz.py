@@ -38,6 +38,11 @@ def test_numpy_reads_it_without_pickle(make_cloud):
         assert tuple(arrays["shape"]) == cloud.shape
 
 
+def test_no_member_has_a_time(make_cloud):
+    with zipfile.ZipFile(io.BytesIO(encode_npz(make_cloud(3)))) as archive:
+        assert {member.date_time for member in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
+
+
 @pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
 def test_archive_of_others(save):
     xyz = np.random.default_rng(1).random((50, 3))
@@ -115,7 +120,7 @@ def member(text: str, body: bytes = b"") -> bytes:
     [
         "{'descr': '<f4', 'fortran_order': False, 'shape': (1000000000000, 3)}",
         "{'descr': '<f4', 'fortran_order': False, 'shape': (-1, 3)}",
-        "{'descr': '<f4', 'fortran_order': False, 'shape': (0, -1)}",
+        "{'descr': '<f4', 'fortran_order': False, 'shape': (-1, -3)}",
         "{'descr': '|O', 'fortran_order': False, 'shape': (1, 3)}",
         "{'descr': [('a', '<f4')], 'fortran_order': False, 'shape': (3, 3)}",
         "{'descr': 'nonsense', 'fortran_order': False, 'shape': (1, 3)}",
