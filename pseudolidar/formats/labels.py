@@ -94,10 +94,21 @@ def write_labels(
     decimals: int | None = None,
     scores: bool = False,
 ) -> None:
-    """Write a `label_2` file, or a result file where `scores` are wanted.
+    """Write a `label_2` file, or a result file where `scores` are wanted: `encode_labels`."""
+    data = encode_labels(labels, T_left_cam0=T_left_cam0, decimals=decimals, scores=scores)
+    write_atomic(path, data)
+
+
+def encode_labels(
+    labels: Sequence[Label],
+    *,
+    T_left_cam0: Pose | None = None,
+    decimals: int | None = None,
+    scores: bool = False,
+) -> bytes:
+    """The bytes of a `label_2` file, or of a result file where `scores` are wanted.
 
     Args:
-        path: the file.
         labels: with boxes in `camera_left`.
         T_left_cam0: where camera 0 is; by default it is the left camera.
         decimals: digits behind the point (KITTI: 2); all there are by default.
@@ -105,7 +116,7 @@ def write_labels(
     """
     T_cam0_left = (T_left_cam0 or Pose.identity("camera_left", FRAME_CAM0)).inverse()
     lines = [_line(label, T_cam0_left, decimals, scores) + "\n" for label in labels]
-    write_atomic(path, "".join(lines).encode())
+    return "".join(lines).encode()
 
 
 # --- reading -------------------------------------------------------------------------------------
