@@ -1,18 +1,31 @@
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 import pytest
 
-from pseudolidar.sources.synthetic import Synthetic, SyntheticSource
+from pseudolidar.sources.synthetic import Synthetic, SyntheticSource, Truth
 from pseudolidar.sources.worlds.photometry import Photometry
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera
+from pseudolidar.structures.frame import StereoFrame
 
 QUIET = Photometry(noise=0.0, vignetting=0.0, right_gain=1.0, right_gamma=1.0, right_tint=1.0)
 
 
+@dataclass(frozen=True)
+class Known:
+    """A frame of a world and the truth about it."""
+
+    source: SyntheticSource
+    frame: StereoFrame
+    truth: Truth
+
+
 @pytest.fixture(scope="module", params=["street", "room", "flight"])
-def source(request: pytest.FixtureRequest) -> SyntheticSource:
-    return Synthetic(request.param, frames=50, width_px=480, photometry=QUIET).open()
+def known(request: pytest.FixtureRequest) -> Known:
+    source = Synthetic(request.param, frames=50, width_px=480, photometry=QUIET).open()
+    return Known(source, source.load(7), source.truth_pair(7))
 
 
 def lifted(depth: Float64, camera: Camera) -> Float64:
@@ -24,8 +37,8 @@ def lifted(depth: Float64, camera: Camera) -> Float64:
     )
 
 
-def test_disparity_is_that_of_the_projected_point(source: SyntheticSource) -> None:
-    truth, rig = source.truth_pair(7), source.rig
+def test_disparity_is_that_of_the_projected_point(known: Known) -> None:
+    truth, rig = known.truth, known.source.rig
     depth = truth.depth_left.values.astype(np.float64)
     seen = truth.left.valid
     points = lifted(depth, rig.left)[seen]
@@ -36,8 +49,8 @@ def test_disparity_is_that_of_the_projected_point(source: SyntheticSource) -> No
     np.testing.assert_allclose(u_right[:, 1], v, atol=1e-6)
 
 
-def test_both_eyes_agree_where_both_see(source: SyntheticSource) -> None:
-    truth = source.truth_pair(7)
+def test_both_eyes_agree_where_both_see(known: Known) -> None:
+    truth = known.truth
     v, u = np.nonzero(truth.left.valid & ~truth.occluded)
     d = truth.left.values[v, u]
     at = np.rint(u - d).astype(int)
@@ -48,9 +61,9 @@ def test_both_eyes_agree_where_both_see(source: SyntheticSource) -> None:
     assert agree.mean() > 0.96
 
 
-def test_sky_has_no_disparity(source: SyntheticSource) -> None:
-    truth = source.truth_pair(7)
-    if source.name == "room":
+def test_sky_has_no_disparity(known: Known) -> None:
+    truth = known.truth
+    if known.source.name == "room":
         assert truth.left.valid.all()
     else:
         assert 0.02 < 1.0 - truth.left.density < 0.4
@@ -58,8 +71,8 @@ def test_sky_has_no_disparity(source: SyntheticSource) -> None:
     assert np.nanmin(truth.left.values) > 0
 
 
-def test_hidden_pixels_are_those_the_other_eye_cannot_see(source: SyntheticSource) -> None:
-    truth, rig = source.truth_pair(7), source.rig
+def test_hidden_pixels_are_those_the_other_eye_cannot_see(known: Known) -> None:
+    truth, rig = known.truth, known.source.rig
     occluded, seen = truth.occluded, truth.left.valid
     v, u = np.nonzero(seen)
     d = truth.left.values[v, u]
@@ -73,8 +86,8 @@ def test_hidden_pixels_are_those_the_other_eye_cannot_see(source: SyntheticSourc
     assert occluded[v[inside], u[inside]][~nearer].mean() < 0.06
 
 
-def test_warped_right_image_is_the_left_one(source: SyntheticSource) -> None:
-    frame, truth = source.load(7), source.truth_pair(7)
+def test_warped_right_image_is_the_left_one(known: Known) -> None:
+    frame, truth = known.frame, known.truth
     d = np.nan_to_num(truth.left.values)
     v, u = np.indices(d.shape, dtype=np.float32)
     warped = cv2.remap(frame.right, u - d, v, cv2.INTER_LINEAR)
@@ -99,11 +112,11 @@ def test_noise_and_differences_between_the_eyes_can_be_set() -> None:
     assert dark_corners[60, 80].mean() == pytest.approx(quiet[60, 80].mean(), rel=0.03)
 
 
-def test_scan_lies_on_the_exact_depth(source: SyntheticSource) -> None:
-    frame, truth = source.load(7), source.truth_pair(7)
-    points = source.rig.T_left_velodyne.apply(frame.scan.xyz.astype(np.float64))
+def test_scan_lies_on_the_exact_depth(known: Known) -> None:
+    frame, truth = known.frame, known.truth
+    points = known.source.rig.T_left_velodyne.apply(frame.scan.xyz.astype(np.float64))
     points = points[points[:, 2] > 0.5]
-    uv = points @ source.rig.left.K.T
+    uv = points @ known.source.rig.left.K.T
     u, v = np.rint(uv[:, :2] / uv[:, 2:]).astype(int).T
     height, width = truth.depth_left.values.shape
     inside = (u >= 1) & (u < width - 1) & (v >= 1) & (v < height - 1)
@@ -116,7 +129,7 @@ def test_scan_lies_on_the_exact_depth(source: SyntheticSource) -> None:
     # Noise of 2 cm, and the rounding to a pixel on slanted surfaces.
     assert abs(np.median(error)) < 0.02
     assert np.percentile(np.abs(error), 90) < 0.05 * np.median(z)
-    if source.name == "room":
+    if known.source.name == "room":
         assert 0.01 < 1.4826 * np.median(np.abs(error - np.median(error))) < 0.06
     assert (frame.scan.reflectance >= 0).all()
     assert (frame.scan.reflectance <= 1).all()

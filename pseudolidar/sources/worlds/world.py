@@ -7,13 +7,11 @@ from typing import Protocol
 
 import numpy as np
 
+from pseudolidar.geometry.frames import R_BODY_OPTICAL
 from pseudolidar.sources.worlds.meshes import Colour, Mesh
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.pose import Pose
-
-# Body axes (x forward, y left, z up) to optical axes (x right, y down, z forward).
-OPTICAL_BODY = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 
 
 @dataclass(frozen=True)
@@ -90,7 +88,7 @@ class RigDesign:
         R_pitch = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
         c, s = np.cos(yaw), np.sin(yaw)
         R_yaw = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-        R = OPTICAL_BODY @ (R_yaw @ R_pitch).T
+        R = (R_yaw @ R_pitch @ R_BODY_OPTICAL).T
         return Pose.from_rotation("camera_left", "velodyne", R, -R @ np.array(self.left_in_base_m))
 
 
