@@ -1,4 +1,4 @@
-"""Print constraints that pin every dependency of pyproject.toml to its lower bound."""
+"""Print constraints that pin what the package and its tests need to its lower bound."""
 
 import re
 import sys
@@ -6,7 +6,7 @@ import tomllib
 from pathlib import Path
 
 project = tomllib.loads(Path("pyproject.toml").read_text())["project"]
-dependencies = [*project["dependencies"], *project["optional-dependencies"]["dev"]]
+dependencies = [*project["dependencies"], *project["optional-dependencies"]["test"]]
 for dependency in dependencies:
     name, lowest = re.fullmatch(r"([\w.-]+)>=([\w.]+)", dependency).groups()
     sys.stdout.write(f"{name}=={lowest}\n")

@@ -1,0 +1,80 @@
+# Everything from a fresh clone: `make demo` to see it, `make test` to check it.
+# Needs Python 3.11 or newer, pip and a compiler; everything else is installed into .venv by pip.
+
+PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo "$$p" && break; done)
+VENV := .venv
+BIN := $(VENV)/bin
+BUILD := build
+PIP := -m pip install --disable-pip-version-check --quiet
+
+.PHONY: help demo test lint format bench soak wheel-check lowest hooks clean
+
+help:
+	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
+
+# --- environments; the stamps say with what they were made -------------------------------------
+
+$(BIN)/python:
+	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer was not found; set PYTHON=/path/to/python"; exit 1; }
+	"$(PYTHON)" -m venv $(VENV)
+
+# The doctor compiles the kernels, so that the first run does not have to.
+$(VENV)/installed: pyproject.toml constraints.txt | $(BIN)/python
+	$(BIN)/python $(PIP) --constraint constraints.txt --editable .
+	$(BIN)/pseudolidar doctor
+	@touch $@
+
+$(VENV)/installed-dev: $(VENV)/installed
+	$(BIN)/python $(PIP) --constraint constraints.txt --editable ".[dev]"
+	@touch $@
+
+# --- what to do ----------------------------------------------------------------------------------
+
+demo: $(VENV)/installed ## install, convert the synthetic drive to out/demo, say what to open
+	$(BIN)/pseudolidar demo
+
+lint: $(VENV)/installed-dev ## style, types, imports
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+test: lint ## lint, then all tests
+	$(BIN)/python -m pytest
+
+format: $(VENV)/installed-dev ## format the code and mend what can be mended
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: $(VENV)/installed-dev ## print benchmark ratios
+	@for script in tests/benchmarks/[!_]*.py; do \
+		test -e "$$script" || continue; echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
+
+soak: $(VENV)/installed-dev ## long tests
+	$(BIN)/python -m pytest -m slow
+
+# A wheel from the sdist, installed with everything fresh, used outside the checkout.
+wheel-check: $(VENV)/installed-dev ## build the wheel, install it afresh elsewhere, convert there
+	rm -rf $(BUILD)/wheel-check && mkdir -p $(BUILD)/wheel-check/elsewhere
+	$(BIN)/python -m build --outdir $(BUILD)/wheel-check .
+	"$(PYTHON)" -m venv $(BUILD)/wheel-check/venv
+	$(BUILD)/wheel-check/venv/bin/python $(PIP) --constraint constraints.txt $(BUILD)/wheel-check/*.whl
+	cd $(BUILD)/wheel-check/elsewhere && ../venv/bin/pseudolidar doctor \
+		&& ../venv/bin/pseudolidar convert synthetic:street out --frames 0:3 --to pcd,mcap \
+		&& ls out/*.mcap out/pcd/*.pcd
+
+# Everything at its lower bound, in a venv of its own; the kernels' cache too is its own.
+lowest: | $(BIN)/python ## run the tests with the lower bounds of all dependencies
+	mkdir -p $(BUILD)
+	$(BIN)/python .ci/lowest.py > $(BUILD)/lowest.txt
+	test -d $(BUILD)/lowest || "$(PYTHON)" -m venv $(BUILD)/lowest
+	$(BUILD)/lowest/bin/python $(PIP) --constraint $(BUILD)/lowest.txt --editable ".[test]"
+	NUMBA_CACHE_DIR=$(CURDIR)/$(BUILD)/lowest/kernels $(BUILD)/lowest/bin/python -m pytest
+
+hooks: $(VENV)/installed-dev ## check every commit
+	$(BIN)/pre-commit install
+
+clean: ## remove what was built, keep .venv and out
+	rm -rf $(BUILD) dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
