@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
+DATA = Path(os.environ.get("PSEUDOLIDAR_DATA", ROOT.parent / "shared" / "data")).resolve()
 
 
 @pytest.fixture(scope="session")
 def real_data() -> Path:
     """Folder of the real data; skips the test where it is absent."""
-    folder = Path(os.environ.get("PSEUDOLIDAR_DATA", ROOT.parent / "shared" / "data")).resolve()
-    if not folder.is_dir():
-        pytest.skip(f"real data not found at {folder} (set PSEUDOLIDAR_DATA)")
-    return folder
+    if not DATA.is_dir():
+        pytest.skip(f"real data not found at {DATA} (set PSEUDOLIDAR_DATA)")
+    return DATA

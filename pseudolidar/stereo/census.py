@@ -19,28 +19,29 @@ if TYPE_CHECKING:
     from pseudolidar.stereo.smoothing import Evidence
 
 # Penalties were scanned on KITTI stereo 2015: flat between 5..14 and 60..95 (largest that fits).
-_PENALTY_SMALL = {"fast": 10, "fine": 7}
+_PENALTY_SMALL = {"fast": 12, "fine": 7}
 _AGREEMENT_PX = {"fast": 1.0, "fine": 0.75}
 _PENALTY_LARGEST = 95
 # `fine` searches its lower half, up to this disparity, in half pixels: there they are what depth
 # at range is made of.
 _HALF_PIXEL_RANGE = 48
 
-# Fitted to the 22 frames of KITTI stereo 2015, disparity correction applied, 2026-11-23.
+# Fitted to the 22 frames of KITTI stereo 2015, disparity correction applied, 2026-11-23, by
+# tests/benchmarks/fit_sigma.py.
 _SIGMA = {
     "fast": SigmaModel(
-        constant=2.06713,
-        linear=(7.76858, 1.86051, -1.4223, -0.48313, -0.12381),
-        quadratic=(-7.62531, -3.40654, 0.19579, -0.09451, -0.00146),
-        low=(0.34694, 0.38156, 1.71092, -4.42914, -6.64386),
-        high=(1.0, 1.0, 6.64995, 0.63052, 6.80735),
+        constant=1.83512,
+        linear=(8.48669, 1.77007, -1.41372, -0.53287, -0.12516),
+        quadratic=(-8.04494, -3.39595, 0.19274, -0.09961, -7e-05),
+        low=(0.36735, 0.44444, 1.7295, -4.50442, -6.64386),
+        high=(1.0, 1.0, 6.64954, 0.62314, 6.89482),
     ),
     "fine": SigmaModel(
-        constant=4.50113,
-        linear=(2.48789, 2.00911, -1.92315, -0.57166, -0.12692),
-        quadratic=(-4.01688, -3.60941, 0.25979, -0.10828, -0.00167),
-        low=(0.30612, 0.43321, 1.58979, -4.65077, -6.64386),
-        high=(1.0, 1.0, 6.65279, 0.60104, 5.75579),
+        constant=4.34984,
+        linear=(2.68461, 1.85524, -1.88442, -0.55251, -0.1207),
+        quadratic=(-4.06051, -3.46495, 0.25371, -0.1033, -0.0001),
+        low=(0.34694, 0.46667, 1.66368, -4.64484, -6.64386),
+        high=(1.0, 1.0, 6.6507, 0.61277, 5.83289),
     ),
 }
 

@@ -18,6 +18,8 @@ SURFACE_SHARE, SURFACE_SMALLEST_PX, SURFACE_LARGEST_PX = 0.12, 0.6, 3.0
 # density on KITTI stereo 2015.
 CONFIRMING_PIXELS, CONFIRMING_STEP_PX = 20, 1.0
 NONE = np.float32(-1e4)  # stands for "no disparity" inside kernels: far from every surface
+# Pixels (of 49) that a surface needs; fewer are spikes at depth edges.
+SURFACE_PIXELS = 12
 SPREAD_FLOOR_PX, DISTINCT_FLOOR = 0.02, 0.01
 # Chebyshev fits: log2(m) on [1, 2) to 2e-4 and 2^y on [0, 1) to 1e-5; libm's would not vectorise.
 LOG2 = (-2.4968059, 4.0284507, -2.0811287, 0.62884148, -0.079153837)
@@ -157,7 +159,8 @@ def smooth(
 
     Args:
         padded: (H + 6, W + 6) float32 px, `NONE` where there is no disparity.
-        mean: (H, W) out: mean of the neighbours of the same surface, px (`NONE` stays).
+        mean: (H, W) out: mean of the neighbours of the same surface, px; `NONE` where none is
+            or the surface is too small.
         support: (H, W) out: number of valid pixels in the window.
         same: (H, W) out: number of those on the same surface.
         spread: (H, W) out: sum over valid pixels of the deviation from the centre, each at most T.
@@ -189,7 +192,8 @@ def smooth(
                 n[x] += n0 + n1 + n2 + n3 + n4 + n5 + n6
                 s[x] += s0 + s1 + s2 + s3 + s4 + s5 + s6
         for x in range(width):
-            total[x] = total[x] / k[x] if centre[x] > 0 else NONE
+            alone = centre[x] <= 0 or k[x] < SURFACE_PIXELS
+            total[x] = NONE if alone else total[x] / k[x]
 
 
 @_kernel

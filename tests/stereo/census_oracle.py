@@ -168,7 +168,7 @@ def smoothed(disparity, valid):
             row[3] = row[3] + np.where(exists, np.minimum(deviation, threshold), f(0))
         total, same = total + row[0], same + row[1]
         support, spread = support + row[2], spread + row[3]
-    mean = np.where(centre > 0, total / np.maximum(same, 1), NONE).astype(f)
+    mean = np.where((centre > 0) & (same >= 12), total / np.maximum(same, 1), NONE).astype(f)
     return mean, support, same, spread
 
 
