@@ -33,7 +33,11 @@ def closure(name: str, extras: set[str], pins: dict[str, str]) -> None:
         key = re.sub(r"[-_.]+", "-", requirement.name).lower()
         wanted = f"{key}{sorted(requirement.extras)}"
         if wanted not in pins:
-            pins[wanted] = f"{key}=={metadata.version(key)}"
+            try:
+                pins[wanted] = f"{key}=={metadata.version(key)}"
+            except metadata.PackageNotFoundError:
+                sys.stderr.write(f"{key}, which {name} needs, is not installed\n")
+                continue
             closure(key, requirement.extras, pins)
 
 
