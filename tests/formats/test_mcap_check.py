@@ -18,6 +18,7 @@ from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from mcap.opcode import Opcode
 from mcap.records import Chunk, Header
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
@@ -231,6 +232,45 @@ def test_cut_at_any_byte(tmp_path: Path, sound: bytes) -> None:
         path.write_bytes(sound[:end])
         with pytest.raises(RecordingError, match="byte"):
             check_mcap(path)
+
+
+@pytest.mark.parametrize(
+    ("opcode", "field", "text"),
+    [
+        # The last 8 bytes of the statistics are the count of the last channel; the chunk index has
+        # its offset as third number.
+        (Opcode.STATISTICS, slice(-8, None), "statistics that count other messages"),
+        (Opcode.CHUNK_INDEX, slice(16, 24), "an index of other chunks"),
+    ],
+)
+def test_a_summary_that_contradicts_the_data(
+    tmp_path: Path, opcode: int, field: slice, text: str
+) -> None:
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, enable_crcs=False)
+        writer.start()
+        schema = build_file_descriptor_set(PointCloud).SerializeToString()
+        number = writer.register_schema("foxglove.PointCloud", "protobuf", schema)
+        channel = writer.register_channel("/points", "protobuf", number)
+        writer.add_message(channel, TIME_NS, cloud().SerializeToString(), TIME_NS)
+        writer.finish()
+    check_mcap(path)
+    data = bytearray(path.read_bytes())
+    start, length = body_of(data, opcode)
+    begin = (start if field.start >= 0 else start + length) + field.start
+    data[begin] += 1
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match=text):
+        check_mcap(path)
+
+
+def body_of(data: bytearray, opcode: int) -> tuple[int, int]:
+    """Begin and length of the body of the first record of a kind."""
+    at = len(MAGIC)
+    while data[at] != opcode:
+        at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+    return at + 9, int.from_bytes(data[at + 1 : at + 9], "little")
 
 
 def test_bytes_after_the_end(tmp_path: Path, sound: bytes) -> None:

@@ -4,6 +4,7 @@ import json
 import pickle
 import random
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -13,8 +14,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
-from mcap.stream_reader import StreamReader
+from mcap.records import Chunk, MessageIndex
+from mcap.stream_reader import StreamReader, get_chunk_data_stream
 
 from pseudolidar.errors import OutputError, RecordingError, SequenceTime, StructureError
 from pseudolidar.formats.mcap import McapLog, frames_in, part_path
@@ -100,6 +104,26 @@ def test_others_read_it(tmp_path: Path, compression: Compression) -> None:
     assert (attachment.name, attachment.data) == ("calibration.json", b'{"schema": 1}')
     header = reader.get_header()
     assert (header.profile, header.library) == ("", "pseudolidar")
+
+
+def test_indexes_lead_to_the_messages(tmp_path: Path, chunks: list[FrameChunk]) -> None:
+    data = record(tmp_path / "a.mcap", chunks)
+    summary = make_reader(BytesIO(data)).get_summary()
+    assert summary is not None
+    for chunk_index in summary.chunk_indexes:
+        chunk_record = Chunk.read(
+            ReadDataStream(BytesIO(data[chunk_index.chunk_start_offset + 9 :]))
+        )
+        records, _ = get_chunk_data_stream(chunk_record, validate_crc=True)
+        unpacked = records.read(chunk_record.uncompressed_size)
+        assert len(chunk_index.message_index_offsets) > 4
+        for channel, offset in chunk_index.message_index_offsets.items():
+            assert data[offset] == Opcode.MESSAGE_INDEX
+            index = MessageIndex.read(ReadDataStream(BytesIO(data[offset + 9 :])))
+            assert index.channel_id == channel
+            for time_ns, at in index.records:
+                opcode, _, of_channel, _, log_time = struct.unpack_from("<BQHIQ", unpacked, at)
+                assert (opcode, of_channel, log_time) == (Opcode.MESSAGE, channel, time_ns)
 
 
 def test_nothing_in_it_depends_on_place_or_time(

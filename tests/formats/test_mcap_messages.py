@@ -355,6 +355,25 @@ def test_what_is_not_wanted_is_left_out(tmp_path: Path) -> None:
     np.testing.assert_allclose(stored_mm[near] / 1000, depth.values[near], atol=0.0005 + 1e-6)
 
 
+@pytest.mark.parametrize(
+    ("dtype", "stored"),
+    [
+        *(("bool", "|u1"), ("int8", "|i1"), ("uint8", "|u1"), ("int16", "<i2"), ("uint16", "<u2")),
+        *(("int32", "<i4"), ("uint32", "<u4"), ("float32", "<f4"), ("float64", "<f8")),
+        # Types that the schema has no number for are widened.
+        *(("float16", "<f4"), ("int64", "<f8"), ("uint64", "<f8"), (">i4", "<i4"), (">f8", "<f8")),
+    ],
+)
+def test_columns_of_every_type(tmp_path: Path, dtype: str, stored: str) -> None:
+    kind = np.dtype(dtype)
+    ends = (np.iinfo(kind).min, np.iinfo(kind).max) if kind.kind in "iu" else (0, 1.5)
+    column = np.array(ends).astype(kind)
+    cloud = PointCloud(np.ones((2, 3), np.float32), "camera_left", extra={"value": column})
+    points = points_of(written(tmp_path / "a.mcap", bare_frame(), cloud=cloud)["/stereo/points"])
+    assert points.dtype["value"].str == stored
+    np.testing.assert_array_equal(points["value"], column.astype(stored))
+
+
 # --- refused --------------------------------------------------------------------------------
 
 
