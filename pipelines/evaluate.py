@@ -79,7 +79,8 @@ class Evaluate:
         reference: the truth for disparity maps, a file or a folder with the same names.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         exclude: not these.
-        rig: calibration that replaces the source's cameras, a rig.json.
+        rig: calibration that replaces the source's cameras, a rig.json; a disparity correction in
+            it is not used, as one is fitted here.
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
         workers: frames worked on at the same time; more than one disturbs the measured time.
         on_error: skip a bad frame (and stop when they become many), or stop at the first.

@@ -129,8 +129,8 @@ def _block_medians(samples: DisparitySamples, coefficients: Float64) -> Iterator
     features = DisparityCorrection.features(samples.measured, samples.u, samples.v, samples.size_px)
     residual = samples.measured - features @ coefficients - samples.reference
     band = np.digitize(samples.reference, BLOCK_BANDS_PX)
-    place = np.stack([samples.frame, _block_columns(samples), band])
-    _, block = np.unique(place, axis=1, return_inverse=True)
+    block = samples.frame * BLOCK_COLUMNS + _block_columns(samples)
+    block = block * (len(BLOCK_BANDS_PX) + 1) + band
     order = np.argsort(block, kind="stable")
     for inside in np.split(residual[order], np.flatnonzero(np.diff(block[order])) + 1):
         if len(inside) >= MIN_BLOCK_SAMPLES:

@@ -61,6 +61,13 @@ def test_the_residual_is_the_drift_between_frames_and_not_pixel_noise(drift_px):
     assert correction.residual_px == pytest.approx(np.hypot(drift_px, 0.05), rel=0.35)
 
 
+def test_the_residual_is_that_of_frames_outside_the_fit():
+    """Two frames that differ by 2 px: the mean of both is 1 px off each, a fit to one 2 px."""
+    data = samples(frames=2, outliers=0.0)
+    differing = replace(data, measured=data.measured + 2.0 * data.frame)
+    assert fit(differing).residual_px > 2.0
+
+
 def test_one_frame_does_not_claim_to_know_how_frames_differ():
     assert fit(samples(frames=1)).residual_px >= ONE_FRAME_RESIDUAL_PX
 

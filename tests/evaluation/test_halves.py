@@ -64,19 +64,24 @@ def test_fitted_on_one_half_right_on_the_other():
 
 
 def test_no_frame_is_judged_with_a_fit_to_itself():
-    """A fit that memorises its frames' numbers must not meet them again."""
     fitted_to: list[set[int]] = []
 
     def remembering(samples: DisparitySamples) -> DisparityCorrection:
         fitted_to.append(set(samples.frame))
         return DisparityCorrection(np.array([float(min(samples.frame))] + [0.0] * 7), 0.1)
 
-    judged = judge_halves(frames(4, each=1000), fit=remembering)
+    judged = judge_halves([odd_ones_off_by(10.0, f) for f in frames(4, each=1000)], fit=remembering)
     assert fitted_to == [{0, 2}, {1, 3}]
-    # Even frames carry the offset 1 of the odd fit, odd frames the offset 0 of the even one.
+    # Odd frames are judged with the fit to even ones, which takes off 0 px; even ones lose 1 px.
     odd, even = np.split(judged.residuals.error_px, 2)
-    assert np.median(odd) == pytest.approx(OFFSET_PX, abs=0.1)
+    assert np.median(odd) == pytest.approx(OFFSET_PX + 10.0, abs=0.1)
     assert np.median(even) == pytest.approx(OFFSET_PX - 1.0, abs=0.1)
+
+
+def odd_ones_off_by(offset_px: float, frame: FrameSamples) -> FrameSamples:
+    samples = frame.samples
+    measured = samples.measured + offset_px * (samples.frame % 2)
+    return FrameSamples(replace(samples, measured=measured), frame.rig)
 
 
 def test_raw_errors_are_judged_with_the_error_of_an_unrefined_rig():

@@ -11,11 +11,12 @@ from pseudolidar.cli import main
 from pseudolidar.errors import ReferenceMissing, UsageError
 from pseudolidar.formats.disparity_png import write_disparity_png
 from pseudolidar.formats.kitti import CAM_TO_CAM, write_raw_calib
+from pseudolidar.formats.rig_json import write_rig
 from pseudolidar.sources.kitti_raw import KittiRaw
 from pseudolidar.sources.kitti_stereo import KittiStereo
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.sgbm import Sgbm
-from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.camera import Camera, DisparityCorrection, StereoRig
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.pose import Pose
 
@@ -125,6 +126,16 @@ def test_a_single_frame_cannot_be_fitted_and_judged(scene, capsys):
     assert figures["frames"] == 1
     assert figures["within_1_sigma"] is figures["within_95"] is figures["depth_refined"] is None
     assert figures["within_1_sigma_raw"] is not None
+
+
+def test_the_correction_of_a_given_rig_is_not_used(scene, tmp_path):
+    wrong = DisparityCorrection(np.array([5.0] + [0.0] * 7), 3.0)
+    write_rig(tmp_path / "rig.json", rig().with_correction(wrong))
+    figures = run(job(scene, rig=tmp_path / "rig.json")).as_dict()
+    plain = run(job(scene)).as_dict()
+    for name in ("epe", "within_1_sigma", "within_1_sigma_raw"):
+        assert figures[name] == plain[name]
+    assert figures["depth"] == plain["depth"]
 
 
 def test_a_matcher_without_sigma(scene):
