@@ -222,7 +222,7 @@ def _too_large(got: str, limits: Limits) -> LimitError:
     return LimitError(
         got,
         want=f"at most {limits.pixels} pixels",
-        fix="If it really is that large, raise the cap (Limits.pixels).",
+        fix="If it really is that large, raise the cap: --source.limits.pixels.",
     )
 
 

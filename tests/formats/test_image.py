@@ -265,6 +265,16 @@ def test_cut_at_any_byte_is_truncated(extension: str, quiet_stderr: None) -> Non
         assert f"{length} bytes" in caught.value.got
 
 
+@pytest.mark.parametrize("settings", [{}, {"big_tiff": True}, {"compression": "tiff_lzw"}])
+def test_cut_tiff_whose_directory_comes_first(
+    settings: dict[str, object], quiet_stderr: None
+) -> None:
+    data = pillow_bytes(Pillow.fromarray(RGB), "TIFF", **settings)
+    assert np.array_equal(decode_image(data, "a.tif").pixels, RGB)
+    for length in range(40, len(data) - 2, len(data) // 40):
+        refusal(data[:length], "a.tif", ImageTruncated)
+
+
 def test_ascii_pgm_cut() -> None:
     data = cv2.imencode(".pgm", GREY, [cv2.IMWRITE_PXM_BINARY, 0])[1].tobytes()
     assert "values" in refusal(data[: len(data) // 2], "a.pgm", ImageTruncated).got

@@ -256,6 +256,13 @@ def test_times_outside_the_tolerance_do_not_pair(tmp_path: Path) -> None:
         Folders(str(tmp_path), tolerance_s=0.002).open()
 
 
+def test_two_left_pictures_never_share_a_right_one(tmp_path: Path) -> None:
+    fill(tmp_path, f"left/{T0}.png", f"left/{T0 + 6_000_000}.png", f"right/{T0 + 5_000_000}.png")
+    source = Folders(str(tmp_path)).open()
+    assert source.ids == (str(T0 + 6_000_000),)
+    assert [name for name, _ in source.refused] == [str(T0)]
+
+
 def test_ten_digit_frame_numbers_are_no_times(tmp_path: Path) -> None:
     fill(tmp_path, *(f"{eye}/{n:010d}.png" for eye in ("left", "right") for n in (0, 5)))
     source = Folders(str(tmp_path)).open()
