@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self, TypeVar, cast
+from typing import Self, TypeVar
 
 import numpy as np
 
@@ -69,9 +69,21 @@ class Pose:
         return Pose.from_rotation(self.src, self.dst, R.T, -R.T @ t)
 
     def apply(self, points: AnyPoints) -> AnyPoints:
-        """Map (N, 3) points of `src` to `dst`, keeping their dtype."""
-        R = self.matrix[:3, :3].astype(points.dtype)
-        return cast("AnyPoints", points @ R.T + self.matrix[:3, 3].astype(points.dtype))
+        """Map (N, 3) points of `src` to `dst`, keeping their dtype.
+
+        Column by column instead of by a matrix product: BLAS would use all cores for one frame
+        while others wait, and may round differently by their number.
+        """
+        R, t_m = self.matrix[:3, :3].astype(points.dtype), self.matrix[:3, 3].astype(points.dtype)
+        mapped = np.empty_like(points)
+        x, y, z = np.ascontiguousarray(points.T)
+        for row in range(3):
+            column = x * R[row, 0]
+            column += y * R[row, 1]
+            column += z * R[row, 2]
+            column += t_m[row]
+            mapped[:, row] = column
+        return mapped
 
     @property
     def translation_m(self) -> Float64:
