@@ -135,9 +135,8 @@ class JudgeFrame:
         samples = DisparitySamples.of_maps(
             disparity, frame.truth, frame=frame.index, most=self.most
         )
-        stock = frame.rig.with_correction(None)
         errors = disparity_errors(disparity, frame.truth)
-        return JudgedFrame(errors, FrameSamples(samples, stock), seconds)
+        return JudgedFrame(errors, FrameSamples(samples, frame.rig), seconds)
 
 
 def run(job: Evaluate) -> DisparityReport:

@@ -28,7 +28,7 @@ class FrameSamples:
 
     Args:
         samples: measured and true, uncorrected.
-        rig: of the frame, without a correction.
+        rig: of the frame; its own correction is not used.
     """
 
     samples: DisparitySamples

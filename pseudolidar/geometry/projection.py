@@ -112,7 +112,7 @@ def visible(
     np.minimum.at(nearest, (row, column), depth_m)
     window = occluders.above_px + 1 + occluders.below_px, 2 * occluders.beside_px + 1
     # scipy centres a window of even length right of its middle; origin shifts it upwards.
-    front = minimum_filter(
+    front: Float64 = minimum_filter(
         nearest,
         size=window,
         mode="constant",
