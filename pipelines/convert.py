@@ -98,7 +98,7 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
         recording.open(job.out, run.expected(per_frame)) as log,
     ):
         settled = run.settled(log.held)
-        rehearse(source, per_frame, folder=job.out, skip=settled).checked()
+        rehearse(source, per_frame, folder=job.out, skip=settled, wanted=1).checked()
         for frame in run.good(stream(source, per_frame, workers=job.workers, skip=settled)):
             log.append(frame.id, frame.value.chunk)
             run.commit(frame)

@@ -15,8 +15,8 @@ from pseudolidar.running.stream import Done, attempt, default_workers
 from pseudolidar.sources.source import FrameSource
 from pseudolidar.structures.frame import StereoFrame
 
-# Frames tried, from the first to the last, until two have passed: the first one also warms the
-# kernels up, so the second one is timed.
+# Frames tried, from the first to the last, until enough have passed. The first one also warms the
+# kernels up, so it takes a second one to tell the time.
 TRIES, WANTED = 5, 2
 MEGABYTE = 1e6
 
@@ -75,6 +75,7 @@ def rehearse(
     folder: Path,
     workers: int | None = None,
     skip: Collection[str] = (),
+    wanted: int = WANTED,
 ) -> Rehearsal:
     """Do a frame or two of `source` without writing, and scale up; bad frames tell nothing.
 
@@ -84,6 +85,7 @@ def rehearse(
         folder: where it will write.
         workers: threads it will use; None for one per core.
         skip: ids that are done already.
+        wanted: frames to judge by; one is enough for the size.
     """
     todo = [index for index, name in enumerate(source.ids) if name not in skip]
     sizes: list[int] = []
@@ -94,7 +96,7 @@ def rehearse(
         seconds = time.monotonic() - begin_s
         if isinstance(outcome, Done):
             sizes.append(outcome.value.nbytes)
-        if len(sizes) == min(WANTED, len(todo)):
+        if len(sizes) == min(wanted, len(todo)):
             break
     mean = sum(sizes) / len(sizes) if sizes else 0.0
     free = free_bytes(folder)
