@@ -6,7 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from pseudolidar.pipelines.convert import Convert, ConvertReport
+# The package path of pipelines/ is made at run time; mypy checks the file itself.
+from pseudolidar.pipelines.convert import (  # type: ignore[import-untyped]
+    Convert,
+    ConvertReport,
+)
 from pseudolidar.pipelines.convert import run as convert
 
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY
