@@ -92,13 +92,21 @@ def test_opencv_uses_one_thread_meanwhile(texture_source):
     assert cv2.getNumThreads() == before
 
 
-def test_leaving_early_starts_nothing_more(texture_source):
-    started = []
-    frames = stream(texture_source(50), lambda frame: started.append(frame.index), workers=2)
+def test_leaving_early_finishes_what_has_begun_and_starts_nothing_more(texture_source):
+    started, second, release = [], threading.Event(), threading.Event()
+
+    def second_waits(frame):
+        started.append(frame.index)
+        if frame.index == 1:
+            second.set()
+            assert release.wait(10)
+
+    frames = stream(texture_source(50), second_waits, workers=1)
     next(frames)
+    assert second.wait(10)
+    threading.Timer(0.1, release.set).start()
     frames.close()
-    count = len(started)
-    assert count < 10
+    assert started == [0, 1]
     assert not [t for t in threading.enumerate() if t.name.startswith("frame-worker")]
 
 
