@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from pseudolidar.cli import main
+from pseudolidar.commandline.help_text import doc_parts
 from pseudolidar.commandline.verbs import pipelines_folder
 
 JOB = Path(__file__).parent / "example_job.py"
@@ -274,6 +275,16 @@ def test_help_of_a_verb_shows_examples_places_choices_and_the_flags_of_the_chose
     assert "--matcher.quality" not in text
 
 
+def test_indented_lines_of_a_docstring_are_examples() -> None:
+    doc = (
+        "Do it.\n\nMore\nof it.\n\n    do it now\n\nArgs:\n    a: one,\n        two.\n    b: three."
+    )
+    parts = doc_parts(doc)
+    assert (parts.summary, parts.body) == ("Do it.", "Do it.\n\nMore\nof it.")
+    assert parts.examples == ("do it now",)
+    assert parts.fields == {"a": "one, two.", "b": "three."}
+
+
 def test_help_of_a_source_shows_its_flags(capsys: pytest.CaptureFixture[str]) -> None:
     for args in (["world:room", "--help"], ["--help", "--source", "world"]):
         assert main(job(*args)) == 0
@@ -295,6 +306,16 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
 
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"pseudolidar {__version__}\n"
+
+
+@pytest.mark.parametrize("args", [["--help"], ["doctor", "--help"]])
+def test_a_reader_that_goes_away_is_no_error(args: list[str]) -> None:
+    line = " ".join([sys.executable, "-m", "pseudolidar.cli", *args])
+    shell = f"set -o pipefail; {line} | head -n 0"
+    ended = subprocess.run(
+        ["bash", "-c", shell], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (ended.returncode, ended.stderr) == (0, "")
 
 
 def test_names_that_are_no_text_are_printed_escaped() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import MISSING
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal, get_args, get_origin
 
 import tyro
 from tyro.constructors import PrimitiveConstructorSpec, StructFieldSpec
@@ -85,7 +85,8 @@ def _kind(entry: Entry) -> Any:
     field, by_place = entry.field, entry.filled_by is FilledBy.PLACE
     metavar = _metavar(field)
     if by_place:
-        metavar = field.flag.upper() if entry.default is MISSING else f"[{field.flag.upper()}]"
+        name = metavar if metavar and metavar[0] == "{" else field.flag.upper()
+        metavar = name if entry.default is MISSING else f"[{name}]"
     hint = "(optional)" if entry.default is None else None
     argument = tyro.conf.arg(metavar=metavar, help_behavior_hint=hint)
     kind: Any = Annotated[_parsed(field), argument]
@@ -99,7 +100,11 @@ def _parsed(field: SettingsField) -> Any:
 def _metavar(field: SettingsField) -> str | None:
     """Shorter than tyro's own where None is the only other possibility."""
     members = [member for member in union_members(field.type) if member is not type(None)]
-    return _NAMED_TYPES.get(members[0]) if len(members) == 1 else None
+    if len(members) != 1:
+        return None
+    if get_origin(members[0]) is Literal:
+        return "{" + ",".join(map(str, get_args(members[0]))) + "}"
+    return _NAMED_TYPES.get(members[0])
 
 
 def _text_by_place(entry: Entry, help_text: str) -> StructFieldSpec:

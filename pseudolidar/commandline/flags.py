@@ -6,6 +6,7 @@ import contextlib
 import functools
 import io
 import re
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -14,6 +15,7 @@ from tyro.constructors import ConstructorRegistry, StructConstructorSpec, Struct
 
 from pseudolidar.commandline.choices import Entry, FilledBy, Node
 from pseudolidar.commandline.flag_specs import Placeholder, placeholder, specs_of, text_name
+from pseudolidar.commandline.streams import forget_reader
 from pseudolidar.errors import UsageError
 
 _BOX = re.compile(r"[─│╭╮╰╯]+")
@@ -39,6 +41,9 @@ def parse_settings(node: Node, args: list[str], *, prog: str, description: str) 
                 args=args,
                 registry=registry,
             )
+    except BrokenPipeError:  # help was asked for by a reader that has gone away (`| head`)
+        forget_reader(sys.stdout)
+        raise SystemExit(0) from None
     except SystemExit as end:
         if not end.code:
             raise

@@ -7,6 +7,8 @@ import re
 from dataclasses import dataclass
 
 _SECTION = re.compile(r"^(Args|Attributes|Examples?|Returns|Raises|Source|Note):\s*(.*)$")
+_INDENT = "    "
+_BLANK_LINES = re.compile(r"\n{3,}")
 _ENTRY = re.compile(r"^\s+(\w+):\s*(.*)$")
 
 
@@ -18,7 +20,7 @@ class DocParts:
         summary: first paragraph.
         body: what stands before the first section, the summary included.
         fields: text of each entry under `Args`.
-        examples: lines under `Examples`.
+        examples: lines under `Examples`, and indented ones in the body.
     """
 
     summary: str
@@ -36,8 +38,10 @@ def doc_parts(doc: str) -> DocParts:
             name = match[1]
             line = match[2]
         sections.setdefault(name, []).append(line)
-    body = "\n".join(sections[""]).strip()
-    examples = sections.get("Examples", []) + sections.get("Example", [])
+    text = [line for line in sections[""] if not line.startswith(_INDENT)]
+    indented = [line for line in sections[""] if line.startswith(_INDENT)]
+    body = _BLANK_LINES.sub("\n\n", "\n".join(text).strip())
+    examples = indented + sections.get("Examples", []) + sections.get("Example", [])
     return DocParts(
         summary=" ".join(body.split("\n\n")[0].split()),
         body=body,
@@ -57,7 +61,7 @@ def verb_description(cls: type, module_doc: str) -> str:
     paragraphs = [own.body or module.body]
     if examples := own.examples or module.examples:
         paragraphs.append("Examples:\n" + "\n".join(f"  {line}" for line in examples))
-    return "\n\n".join(paragraphs)
+    return "\n\n".join(filter(None, paragraphs))
 
 
 def _entries(lines: list[str]) -> dict[str, str]:

@@ -68,4 +68,9 @@ def write_result(out: TextIO, text: str) -> None:
         out.write(text.rstrip("\n") + "\n")
         out.flush()
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), out.fileno())
+        forget_reader(out)
+
+
+def forget_reader(out: TextIO) -> None:
+    """Send what is still buffered nowhere, so that it raises no second error at the end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), out.fileno())
