@@ -9,7 +9,7 @@ import numpy as np
 
 from pseudolidar.sources.worlds import objects
 from pseudolidar.sources.worlds.materials import Material
-from pseudolidar.sources.worlds.meshes import Colour, Mesh, above, join, sheet, turn_z
+from pseudolidar.sources.worlds.meshes import Colour, Mesh, above, body_pose, join, sheet
 from pseudolidar.sources.worlds.road import Road
 from pseudolidar.sources.worlds.traffic import Traffic
 from pseudolidar.sources.worlds.world import Actor, Light, RigDesign, Surroundings
@@ -22,6 +22,8 @@ FLAT_M, ROLLING_M, HILL_M = 9.0, 60.0, 7.0
 # Limits of fields on either side of the road, metres.
 FIELDS_M = (4.5, 9.0, 38.0, 75.0, 130.0, 260.0)
 FIELD_STEP_M = 4.0
+# Utility poles stand here, metres left of the middle of the road.
+POLES_M = 5.6
 # Height of the flight: mean and swing, metres; lengths of its waves, seconds.
 HEIGHT_M, CLIMB_M, CLIMB_S, YAW_S = 15.0, 4.0, 31.0, 17.0
 FIELD_COLOURS: tuple[tuple[Material, Colour], ...] = (
@@ -82,7 +84,6 @@ class Flight:
             self.seed,
             self.road,
             self.speed_m_s,
-            crossing=False,
             lane_m=1.5,
             pavement_m=4.2,
             pavement_height_m=0.0,
@@ -96,12 +97,8 @@ class Flight:
         height = HEIGHT_M - CLIMB_M * np.cos(2 * np.pi * t_s / CLIMB_S)
         yaw = heading + 0.35 * np.sin(2 * np.pi * t_s / YAW_S)
         pitch, roll = 0.03 * np.sin(0.9 * t_s), 0.06 * np.sin(2 * np.pi * t_s / YAW_S + 0.6)
-        cp, sp, cr, sr = np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll)
-        T = turn_z(float(yaw), above(place, float(height)))
-        R_pitch = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-        R_roll = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-        T[:3, :3] = T[:3, :3] @ R_pitch @ R_roll
-        return T
+        place = above(place, float(height))
+        return body_pose(place, yaw_rad=float(yaw), pitch_rad=float(pitch), roll_rad=float(roll))
 
     def region(self, t_s: float) -> int:
         """Piece of the road that the drone is over."""
@@ -109,9 +106,14 @@ class Flight:
 
     def surroundings(self, region: int) -> Surroundings:
         """Pieces behind and ahead."""
-        pieces = [_piece(self, k) for k in range(region - PIECES_BEHIND, region + PIECES_AHEAD + 1)]
+        numbers = range(region - PIECES_BEHIND, region + PIECES_AHEAD + 1)
         origin, _ = self.road.place(region * PIECE_M, 0.0)
-        return Surroundings(join(pieces), (), np.round(origin))
+        return Surroundings(
+            mesh=join([_piece(self, k) for k in numbers]),
+            thin=join([_wires(self, k) for k in numbers]),
+            things=(),
+            origin_m=np.round(origin),
+        )
 
     def actors(self, t_s: float) -> tuple[Actor, ...]:
         """Who is on the road."""
@@ -134,7 +136,7 @@ class Flight:
 def _piece(flight: Flight, k: int) -> Mesh:
     rng = np.random.default_rng([flight.seed, 60, k + 1_000_000])
     return join(
-        [_ground(flight, k, rng), _trees(flight, k, rng), _farm(flight, k, rng), _poles(flight, k)]
+        [_ground(flight, k, rng), _trees(flight, k, rng), _farm(flight, k, rng), _pole(flight, k)]
     )
 
 
@@ -239,14 +241,15 @@ def _farm(flight: Flight, k: int, rng: np.random.Generator) -> Mesh:
     return join(parts)
 
 
-def _poles(flight: Flight, k: int) -> Mesh:
-    """A line of poles with wires along the road."""
-    ends = [flight.road.place(s, 5.6) for s in (k * PIECE_M, (k + 1) * PIECE_M)]
-    parts = [objects.utility_pole().placed(ends[0][0], yaw_rad=ends[0][1])]
-    for offset in (-0.7, 0.7):
-        from_to = [turn_z(yaw, place)[:3] @ (0.0, offset, 7.15, 1.0) for place, yaw in ends]
-        parts.append(objects.wire(*from_to, radius_m=0.02))
-    return join(parts)
+def _pole(flight: Flight, k: int) -> Mesh:
+    place, heading = flight.road.place(k * PIECE_M, POLES_M)
+    return objects.utility_pole().placed(place, yaw_rad=heading)
+
+
+def _wires(flight: Flight, k: int) -> Mesh:
+    """From the pole of this piece to the next."""
+    ends = [flight.road.place(s, POLES_M) for s in (k * PIECE_M, (k + 1) * PIECE_M)]
+    return objects.wires(ends, radius_m=0.022)
 
 
 @functools.lru_cache(maxsize=4)

@@ -19,6 +19,8 @@ LEAST_PIXELS_AT_1242 = 60
 FULLY_VISIBLE, PARTLY_VISIBLE = 0.8, 0.4
 # Part of an object nearer than this to the image plane does not project, metres.
 NEAREST_M = 0.1
+# Points along each edge of a box that judge how much of it is outside the image.
+GRID = 9
 # Rays that judge how much of an object is hidden.
 SHARE_RAYS = 2000
 
@@ -29,7 +31,7 @@ def labels_of(
     """Labels of what `view` shows, nearest first; 3D boxes are in the frame of `camera`.
 
     The 2D box holds the visible pixels; occlusion follows from the share of the object's pixels in
-    the image that are visible, truncation from the share of its outline outside the image.
+    the image that are visible, truncation is the share of its box outside the image.
     """
     numbers, counts = np.unique(view.objects, return_counts=True)
     least = max(4.0, LEAST_PIXELS_AT_1242 * (camera.width_px / 1242) ** 2)
@@ -50,16 +52,12 @@ def _label(
     box_px = (float(columns[0]), float(rows[0]), float(columns[-1]), float(rows[-1]))
     T_camera_box = np.linalg.inv(T_world_camera) @ thing.T_world_box
     box = Box3D(Pose(camera.frame, "box", T_camera_box), *thing.size_m)
-    outline = _outline_px(box, camera)
-    left, top, right, bottom = outline
-    inside = _overlap(left, right, camera.width_px) * _overlap(top, bottom, camera.height_px)
-    area = (right - left) * (bottom - top)
-    share = _visible_share(scene, view, camera, T_world_camera, thing, outline)
+    share = _visible_share(scene, view, camera, T_world_camera, thing, _outline_px(box, camera))
     occlusion = 0 if share >= FULLY_VISIBLE else (1 if share >= PARTLY_VISIBLE else 2)
     return Label(
         Detection(thing.name, box_px, mask=mask),
         box,
-        truncation=float(np.clip(1.0 - inside / area, 0.0, 1.0)),
+        truncation=1.0 - _share_in_view(box, camera),
         occlusion=occlusion,
         track_id=thing.number,
     )
@@ -69,8 +67,17 @@ def _depth_m(label: Label) -> float:
     return 0.0 if label.box is None else float(label.box.pose.translation_m[2])
 
 
-def _overlap(low: float, high: float, size_px: int) -> float:
-    return max(0.0, min(high, size_px - 0.5) - max(low, -0.5))
+def _share_in_view(box: Box3D, camera: Camera) -> float:
+    """Share of a box that projects into the image, by a grid of its points."""
+    at = np.linspace(-0.5, 0.5, GRID)
+    grid = np.stack(np.meshgrid(at, at, at), axis=-1).reshape(-1, 3)
+    points = box.pose.apply(grid * np.array([box.length_m, box.width_m, box.height_m]))
+    ahead = points[:, 2] > NEAREST_M
+    u, v, _ = (points[ahead] / points[ahead, 2:] @ camera.K.T).T
+    inside = (np.abs(2 * u - camera.width_px + 1) <= camera.width_px) & (
+        np.abs(2 * v - camera.height_px + 1) <= camera.height_px
+    )
+    return float(inside.sum() / len(points))
 
 
 def _outline_px(box: Box3D, camera: Camera) -> tuple[float, float, float, float]:

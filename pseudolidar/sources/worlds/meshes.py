@@ -83,6 +83,17 @@ def turn_z(yaw_rad: float, offset_m: Place = (0.0, 0.0, 0.0)) -> Float64:
     return T
 
 
+def body_pose(place_m: Float64, *, yaw_rad: float, pitch_rad: float, roll_rad: float) -> Float64:
+    """(4, 4) pose `R_z(yaw) R_y(pitch) R_x(roll)` at a place; front down is positive pitch."""
+    cp, sp = np.cos(pitch_rad), np.sin(pitch_rad)
+    cr, sr = np.cos(roll_rad), np.sin(roll_rad)
+    T = turn_z(yaw_rad, place_m)
+    R_pitch = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
+    R_roll = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
+    T[:3, :3] = T[:3, :3] @ R_pitch @ R_roll
+    return T
+
+
 def above(place_m: Float64, height_m: float) -> Float64:
     """(3,) the spot `height_m` over a place (3,)."""
     return np.asarray(place_m + np.array([0.0, 0.0, height_m]), dtype=np.float64)

@@ -5,7 +5,9 @@ Each function returns a mesh in the thing's own frame: x forward, y left, z up, 
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from pseudolidar.sources.worlds.meshes import (
     join,
     sphere,
     tube,
+    turn_z,
 )
 from pseudolidar.structures.arrays import Float64
 
@@ -26,6 +29,10 @@ from pseudolidar.structures.arrays import Float64
 CAR_SIZE_M = (4.3, 1.76, 1.48)
 # Length (stride), width, height of a walking person, metres.
 PERSON_SIZE_M = (0.74, 0.62, 1.74)
+# Wires of a utility pole: left of its middle, and how far they hang, metres.
+WIRE_OFFSETS_M, WIRE_SAG_M = (-0.7, 0.0, 0.7), 0.6
+# Postures of one stride.
+STRIDE_PHASES = 24
 
 CAR_COLOURS: tuple[Colour, ...] = (
     (0.42, 0.43, 0.45), (0.05, 0.055, 0.06), (0.72, 0.72, 0.70), (0.30, 0.03, 0.03),
@@ -41,6 +48,7 @@ CLOTHES: tuple[Colour, ...] = (
 )  # fmt: skip
 
 
+@functools.cache
 def car(colour: Colour) -> Mesh:
     """A saloon of `CAR_SIZE_M`, its middle over the origin."""
     half, side = CAR_SIZE_M[0] / 2, CAR_SIZE_M[1] / 2
@@ -77,9 +85,16 @@ def car(colour: Colour) -> Mesh:
     return join([body, hood, cabin, *wheels])
 
 
-def person(phase: float, shirt: Colour, trousers: Colour) -> Mesh:
-    """A walking person; `phase` (rad) of the stride."""
-    swing = 0.5 * math.sin(phase)
+def person(phase_rad: float, shirt: Colour, trousers: Colour) -> Mesh:
+    """A walking person at a phase of the stride, one of `STRIDE_PHASES`."""
+    return _person(
+        round(phase_rad / (2 * math.pi) * STRIDE_PHASES) % STRIDE_PHASES, shirt, trousers
+    )
+
+
+@functools.cache
+def _person(phase: int, shirt: Colour, trousers: Colour) -> Mesh:
+    swing = 0.5 * math.sin(2 * math.pi * phase / STRIDE_PHASES)
     skin: Colour = (0.45, 0.28, 0.20)
     parts = [
         tube(
@@ -264,9 +279,14 @@ def utility_pole(height_m: float = 7.5) -> Mesh:
     return join([post, arm])
 
 
-def wire(start: Float64, end: Float64, *, sag_m: float = 0.6, radius_m: float = 0.016) -> Mesh:
-    """A hanging wire between two points."""
-    share = np.linspace(0.0, 1.0, 13)[:, None]
-    path = start + share * (end - start)
-    path[:, 2] -= sag_m * (4 * share * (1 - share))[:, 0]
-    return tube(path, np.full(13, radius_m), Material.RUBBER, (0.03, 0.03, 0.03), sides=4)
+def wires(ends: Sequence[tuple[Float64, float]], *, radius_m: float = 0.016) -> Mesh:
+    """Three hanging wires between two utility poles, each a place (3,) and a heading, rad."""
+    parts = []
+    for offset in WIRE_OFFSETS_M:
+        start, end = (turn_z(yaw, place)[:3] @ (0.0, offset, 7.15, 1.0) for place, yaw in ends)
+        share = np.linspace(0.0, 1.0, 13)[:, None]
+        path = start + share * (end - start)
+        path[:, 2] -= WIRE_SAG_M * (4 * share * (1 - share))[:, 0]
+        radii = np.full(13, radius_m)
+        parts.append(tube(path, radii, Material.RUBBER, (0.03, 0.03, 0.03), sides=4))
+    return join(parts)

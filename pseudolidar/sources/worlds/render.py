@@ -55,15 +55,17 @@ def render(scene: Scene, camera: Camera, T_world_camera: Float64) -> View:
     v, u = np.divmod(np.arange(width * height, dtype=np.float64), width)
     seen = _look(scene, eye, M, u, v, 1.0)
     shape = (height, width)
-    looks = scene.looks(seen.prims).reshape(shape)
-    edges = np.flatnonzero(_edges(seen.facing.reshape(*shape, 3), looks))
+    kinds = scene.kinds(seen.prims)
+    looks = kinds[:, 0] + (kinds[:, 1] << 6) + (kinds[:, 2] << 38)
+    edges = np.flatnonzero(_edges(seen.facing.reshape(*shape, 3), looks.reshape(shape)))
     light = seen.light
     fine = np.zeros((len(edges), 3), np.float32)
     for du, dv in EDGE_SAMPLES_PX:
         fine += _look(scene, eye, M, u[edges] + du, v[edges] + dv, 0.5).light
     light[edges] = fine / len(EDGE_SAMPLES_PX)
-    objects = scene.objects(seen.prims)
-    return View(light.reshape(*shape, 3), seen.depth.reshape(shape), objects.reshape(shape))
+    return View(
+        light.reshape(*shape, 3), seen.depth.reshape(shape), kinds[:, 2].reshape(shape).copy()
+    )
 
 
 def _look(scene: Scene, eye: Float64, M: Float64, u: Float64, v: Float64, pixel: float) -> Seen:

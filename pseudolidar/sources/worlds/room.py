@@ -53,7 +53,7 @@ class Room:
     @property
     def light(self) -> Light:
         """One large lamp under the ceiling, and light from everywhere."""
-        return Light((0.5, 0.3, 2.75), (1.0, 0.93, 0.8), (0.42, 0.43, 0.45), lamp=True)
+        return Light((0.5, 0.3, 2.75), (1.25, 1.17, 1.0), (0.55, 0.56, 0.58), lamp=True)
 
     def T_world_base(self, t_s: float) -> Float64:
         """The Velodyne on the AGV."""
@@ -66,7 +66,7 @@ class Room:
 
     def surroundings(self, region: int) -> Surroundings:  # noqa: ARG002 - the hall is all there is
         """The hall."""
-        return Surroundings(_hall(self.seed), (), np.zeros(3))
+        return Surroundings(_hall(self.seed), join([]), (), np.zeros(3))
 
     def actors(self, t_s: float) -> tuple[Actor, ...]:
         """Two people who walk to and fro."""
@@ -145,7 +145,7 @@ def _shell() -> Mesh:
         for k, (low, high) in enumerate(walls)
     ]
     parts.append(frustum((-x, -y, -d), (x, y, 0), Material.PLANKS, (0.34, 0.23, 0.14), seed=7))
-    parts.append(frustum((-x, -y, z), (x, y, z + d), Material.PLASTER, (0.7, 0.7, 0.69), seed=8))
+    parts.append(frustum((-x, -y, z), (x, y, z + d), Material.PAVEMENT, (0.72, 0.72, 0.7), seed=8))
     d = 0.02
     skirtings = [
         ((-x, -y, 0), (-x + d, y, 0.1)),

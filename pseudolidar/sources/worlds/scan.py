@@ -49,16 +49,17 @@ def scan(
     R = T_world_velodyne[:3, :3]
     eye = T_world_velodyne[:3, 3] - scene.origin_m
     own = beams.directions()
-    prims = scene.hit(eye, own @ R.T)
+    directions = own @ R.T
+    prims = scene.hit(eye, directions)
     met = prims >= 0
-    own, prims = own[met], prims[met]
+    own, directions, prims = own[met], directions[met], prims[met]
     fixed, moving = scene.fixed, scene.moving
     step = np.array([0.0, 0.0, BEAM_RAD])
     depth, _, colour, _, facing = shade(
-        eye, own @ R.T, step, step[[2, 2, 0]], prims,
+        eye, directions, step, step[[2, 2, 0]], prims,
         fixed.rows, fixed.kind, moving.rows, moving.kind, 0,
     )  # fmt: skip
-    cosine = np.abs(np.einsum("ij,ij->i", facing, own @ R.T))
+    cosine = np.abs(np.einsum("ij,ij->i", facing, directions))
     reflectance = np.clip(colour.mean(axis=1) * (0.4 + 0.6 * cosine), 0.0, 1.0)
     kept = _echoes(depth, reflectance.astype(np.float64), beams, noise, rng)
     measured = depth + noise.range_m * rng.standard_normal(len(depth))

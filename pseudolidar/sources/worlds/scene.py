@@ -62,8 +62,13 @@ class Solid:
 
     def of_object(self, number: int) -> Solid:
         """The triangles of one object."""
-        mine = np.flatnonzero(self.kind[:, 2] == number)
+        mine = self._owned[self.kind[self._owned, 2] == number]
         return Solid.of(self.rows[mine], self.kind[mine])
+
+    @functools.cached_property
+    def _owned(self) -> Int64:
+        """Rows that belong to any object."""
+        return np.flatnonzero(self.kind[:, 2])
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +76,9 @@ class Scene:
     """A world at one moment.
 
     Args:
-        fixed: what stands still; moving: what moves.
+        fixed: what stands still.
+        moving: what moves, and thin things.
+        casting: what moves: thin things throw no shadow.
         things: labelled objects of both.
         origin_m: (3,) world position that coordinates in here are relative to.
         light: light of the world.
@@ -79,6 +86,7 @@ class Scene:
 
     fixed: Solid
     moving: Solid
+    casting: Solid
     things: tuple[Thing, ...]
     origin_m: Float64
     light: Light
@@ -101,16 +109,15 @@ class Scene:
         parts = (self.fixed.of_object(number), self.moving.of_object(number))
         return parts[0].blocks(rays, np.inf) | parts[1].blocks(rays, np.inf)
 
-    def objects(self, prims: Int64) -> Int64:
-        """(N,) object number of triangles; 0 for none."""
-        numbers = np.concatenate([self.fixed.kind[:, 2], self.moving.kind[:, 2], [0]])
-        return np.asarray(numbers[prims], dtype=np.int64)
-
-    def looks(self, prims: Int64) -> Int64:
-        """(N,) a number that differs where material, texture or object differ; -1 for none."""
-        kinds = np.concatenate([self.fixed.kind, self.moving.kind])
-        code = kinds[:, 0] + (kinds[:, 1] << 6) + (kinds[:, 2] << 38)
-        return np.append(code, -1)[prims]
+    def kinds(self, prims: Int64) -> Int64:
+        """(N, 3) material, texture seed and object of triangles; -1, 0, 0 for none."""
+        found = np.zeros((len(prims), 3), np.int64)
+        border = len(self.fixed.rows)
+        still, moves = (prims >= 0) & (prims < border), prims >= border
+        found[still] = self.fixed.kind[prims[still]]
+        found[moves] = self.moving.kind[prims[moves] - border]
+        found[prims < 0, 0] = -1
+        return found
 
     def light_row(self) -> Float64:
         """(14,) the light as `shading.light_of` takes it."""
@@ -122,7 +129,7 @@ class Scene:
     def shadowed(self, rays: Float32) -> Bool:
         """(N,) whether something stands in the way of rays to the light."""
         reach = 0.98 if self.light.lamp else np.inf
-        return self.fixed.blocks(rays, reach) | self.moving.blocks(rays, reach)
+        return self.fixed.blocks(rays, reach) | self.casting.blocks(rays, reach)
 
     def between(self, points: Float64, eye: Float64) -> Bool:
         """(N,) whether something stands between an eye (3,) and surface points (N, 3)."""
@@ -136,8 +143,10 @@ def scene_at(world: World, t_s: float) -> Scene:
     solid, around = _region(world, world.region(t_s))
     actors = world.actors(t_s)
     moving = join([a.mesh.owned(a.thing.number) for a in actors])
+    both = join([moving, around.thin])
     return Scene(
         solid,
+        Solid.of(both.rows(around.origin_m), both.kind),
         Solid.of(moving.rows(around.origin_m), moving.kind),
         around.things + tuple(a.thing for a in actors),
         around.origin_m,

@@ -16,7 +16,7 @@ LEAF = int(Material.LEAF)
 # (metres in the object's own frame), colour (linear).
 CORNER, EDGE_1, EDGE_2, TEX, TEX_1, TEX_2, COLOUR, ROW_LENGTH = 0, 3, 6, 9, 12, 15, 18, 21
 # Samples along the longer side of a pixel's footprint.
-MOST_SAMPLES = 4
+MOST_SAMPLES = 3
 # Ambient light on a surface that looks sideways, and how much more from above, share.
 AMBIENT_SIDE, AMBIENT_UP = 0.75, 0.25
 # Distance at which a lamp's light has halved, metres.
@@ -24,7 +24,7 @@ LAMP_REACH_M = 6.0
 # A shadow ray starts this far off its surface, or it would meet it, metres.
 SHADOW_OFFSET_M = 0.01
 # How strongly leaves turn the normal of a crown, and the size of a cluster of them, metres.
-LEAF_TURN, LEAF_CELL_M = 1.1, 0.22
+LEAF_TURN, LEAF_CELL_M = 0.8, 0.16
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
@@ -54,7 +54,7 @@ def _leafy(normal, tex, width, seed):  # type: ignore[no-untyped-def]
     a = LEAF_TURN * fractal(x, y, width, seed + 11, LEAF_CELL_M, 3, 0.8)
     b = LEAF_TURN * fractal(y, z, width, seed + 12, LEAF_CELL_M, 3, 0.8)
     c = LEAF_TURN * fractal(z, x, width, seed + 13, LEAF_CELL_M, 3, 0.8)
-    x, y, z = 0.6 * normal[0] + a, 0.6 * normal[1] + b, 0.6 * normal[2] + 0.15 + c
+    x, y, z = 0.5 * normal[0] + a, 0.5 * normal[1] + b, 0.5 * normal[2] + 0.25 + c
     length = math.sqrt(x * x + y * y + z * z) + 1e-9
     return x / length, y / length, z / length
 

@@ -18,17 +18,20 @@ BRICK, PLASTER, FACADE, ROOF, PAINT, CABIN = (int(m) for m in list(Material)[4:1
 RUBBER, CLOTH, BARK, LEAF, METAL = (int(m) for m in list(Material)[10:15])
 PLANKS, POSTER, SHELF, FIELD, GRAVEL, SIGN = (int(m) for m in list(Material)[15:21])
 
+# The hills' edge against the sky is this soft, slope: about a pixel.
+HILL_EDGE = 0.0015
+
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def _road(s, n, width, seed):  # type: ignore[no-untyped-def]
     """Asphalt brightness and share of white paint; (s, n) along and across the road."""
-    grain = 0.24 * fractal(s, n, width, seed, 0.08, 4, 0.8)
-    patches = 0.16 * fractal(s * 0.5, n, width, seed + 31, 3.0, 5, 0.62)
+    grain = 0.26 * fractal(s, n, width, seed, 0.08, 3, 0.8)
+    patches = 0.16 * fractal(s * 0.5, n, width, seed + 31, 2.4, 4, 0.65)
     wheels = -0.06 * (abs(abs(n) - 1.0) < 0.35)
     cracks = 0.0
-    if width < 0.06:
-        crack = abs(fractal(s, n, width, seed + 57, 1.7, 3, 0.5))
-        cracks = -0.4 * band(crack, -1.0, 0.01, 0.02 + width) * (1.0 - width / 0.06)
+    if width < 0.04:
+        crack = abs(fractal(s, n, width, seed + 57, 1.7, 2, 0.5))
+        cracks = -0.4 * band(crack, -1.0, 0.01, 0.02 + width) * (1.0 - width / 0.04)
     dashes = band(fraction(s, 9.0), 0.0, 3.0, width) * band(n, -0.07, 0.07, width)
     white = max(dashes, band(abs(n), 3.32, 3.46, width))
     if white > 0.0:
@@ -41,10 +44,10 @@ def _wall(a, h, width, seed, c):  # type: ignore[no-untyped-def]
     """Brick for some seeds, plaster with faint stains for the others."""
     if uniform(seed, 3, 11) < 0.4:
         joint, tint = joints(a, h, 0.25, 0.08, 0.014, width, seed)
-        stain = 0.16 * fractal(a, h, width, seed, 2.0, 7, 0.68)
+        stain = 0.16 * fractal(a, h, width, seed, 1.6, 6, 0.7)
         return mix(lit(c, 1.0 + 0.25 * tint + stain), (0.32, 0.30, 0.27), joint)
-    streaks = 0.06 * fractal(a * 3.0, 0.3 * h, width, seed + 9, 1.0, 4, 0.6)
-    return lit(c, 1.0 + streaks + 0.05 * fractal(a, h, width, seed, 2.5, 9, 0.78))
+    streaks = 0.06 * fractal(a * 3.0, 0.3 * h, width, seed + 9, 1.0, 3, 0.6)
+    return lit(c, 1.0 + streaks + 0.05 * fractal(a, h, width, seed, 1.6, 7, 0.8))
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
@@ -68,8 +71,10 @@ def _pane(x, y, wide, high, cell, width, seed):  # type: ignore[no-untyped-def]
 def _facade(a, h, width, seed, c):  # type: ignore[no-untyped-def]
     """A wall with windows and doors; (a, h) along the wall and above the ground."""
     c = _wall(a, h, width, seed, c)
-    stone = 0.15 * (1.0 + 0.25 * fractal(a, h, width, seed + 5, 0.4, 5, 0.7))
-    c = mix(c, (stone, stone, 0.95 * stone), band(h, -9.0, 0.45, width))
+    plinth = band(h, -9.0, 0.45, width)
+    if plinth > 0.0:
+        stone = 0.15 * (1.0 + 0.25 * fractal(a, h, width, seed + 5, 0.4, 5, 0.7))
+        c = mix(c, (stone, stone, 0.95 * stone), plinth)
     pitch, storey = 2.3 + 0.9 * uniform(seed, 1, 2), 2.9
     wide, high = 1.0 + 0.5 * uniform(seed, 1, 3), 1.35
     column, floor = math.floor(a / pitch), math.floor(h / storey)
@@ -102,7 +107,7 @@ def _cabin(x, y, z, width, side, c):  # type: ignore[no-untyped-def]
     if side == 1:
         pillar = max(band(x, -0.32, -0.22, width), band(abs(x + 0.2), 1.12, 9.0, width))
     top = band(z, 1.36, 9.0, width)
-    shine = 0.06 * fractal(x + y, z, width, 5, 0.5, 3, 0.5)
+    shine = 0.025 * fractal(x + y, z, width, 5, 0.5, 4, 0.7)
     glass = (glass[0] + shine, glass[1] + shine, glass[2] + 1.2 * shine)
     return mix(glass, c, max(pillar, top))
 
@@ -186,11 +191,11 @@ def albedo(material, x, y, z, side, width, seed, c):  # type: ignore[no-untyped-
     if material in (BRICK, FACADE):
         return _wall(a, b, width, 4, c)
     if material == LEAF:
-        level = 1.0 + 0.42 * fractal(a + 0.37 * z, b + 0.61 * y, width, seed, 0.6, 6, 0.85)
-        yellow = 0.2 * fractal(a, b, width, seed + 3, 1.1, 3, 0.6)
+        level = 1.0 + 0.30 * fractal(a + 0.37 * z, b + 0.61 * y, width, seed, 0.5, 6, 1.0)
+        yellow = 0.2 * fractal(a, b, width, seed + 3, 1.1, 2, 0.6)
         return lit((c[0] * (1.0 + yellow), c[1], c[2]), level)
     if material == GRASS:
-        level = 1.0 + 0.28 * fractal(a, b, width, seed, 1.2, 8, 0.82)
+        level = 1.0 + 0.2 * fractal(a, b, width, seed, 0.8, 7, 0.95)
         dry = 0.25 + 0.3 * fractal(a, b, width, seed + 20, 6.0, 5, 0.6)
         return lit(mix(c, (1.5 * c[1], 1.3 * c[1], c[2]), min(1.0, max(0.0, dry))), level)
     if material == PAVEMENT:
@@ -239,12 +244,14 @@ def sky(d, seed):  # type: ignore[no-untyped-def]
     slope = d[2] / flat
     azimuth = math.atan2(d[1], d[0])
     hill = 0.018 + 0.014 * fractal(azimuth * 6.0, 0.5, 0.0, seed + 900, 1.0, 5, 0.5)
-    if slope < hill:
-        tone = 0.30 + 0.03 * fractal(azimuth * 60.0, slope * 200.0, 0.0, seed + 3, 1.0, 4, 0.7)
-        return (tone * 0.95, tone * 1.05, tone * 1.1)
-    up = min(1.0, slope / 0.7)
+    ground = min(1.0, max(0.0, (hill - slope) / HILL_EDGE + 0.5))
+    tone = 0.30 + 0.03 * fractal(azimuth * 60.0, slope * 200.0, 0.0, seed + 3, 1.0, 4, 0.7)
+    far = (tone * 0.95, tone * 1.05, tone * 1.1)
+    if ground >= 1.0:
+        return far
+    up = min(1.0, max(0.0, slope) / 0.7)
     blue = (0.72 - 0.45 * up, 0.84 - 0.36 * up, 0.95 - 0.13 * up)
-    reach = 1.0 / (slope + 0.12)
+    reach = 1.0 / (max(0.0, slope) + 0.12)
     cloud = fractal(d[0] / flat * reach, d[1] / flat * reach, 0.0, seed + 500, 1.6, 6, 0.55)
-    share = min(1.0, max(0.0, 1.4 * cloud + 0.25)) * min(1.0, slope / 0.08)
-    return mix(blue, (0.98, 0.97, 0.96), 0.8 * share)
+    share = min(1.0, max(0.0, 1.4 * cloud + 0.25)) * min(1.0, max(0.0, slope) / 0.08)
+    return mix(mix(blue, (0.98, 0.97, 0.96), 0.8 * share), far, ground)

@@ -23,9 +23,7 @@ LEADER_M, LEADER_SWING_M = 24.0, 5.0
 STRIDE_M = 1.5
 # First numbers of each kind of moving thing.
 LEADER, ONCOMING, WALKER, CROSSING = 1, 10_000, 100_000, 500_000
-# Side streets: every so many metres, the first here; the crossing car passes when the camera is
-# this far from it.
-CROSSING_EVERY_M, CROSSING_FIRST_M = 160.0, 80.0
+# The car from a side street passes when the camera is this far from it, metres.
 CROSSING_GAP_M, CROSSING_SPEED_M_S, CROSSING_HALF_M = 34.0, 7.0, 70.0
 
 
@@ -37,7 +35,8 @@ class Traffic:
         seed: whose cars.
         road: where they move.
         speed_m_s: mean speed of the camera's car and of the one ahead.
-        crossing: whether cars cross at side streets.
+        side_streets_m: arc length of the first side street, and from each to the next; cars come
+            out of them. None where there are none.
         lane_m: middle of a lane from the middle of the road; pavement_m: where people walk.
         pavement_height_m: over the road.
     """
@@ -45,7 +44,7 @@ class Traffic:
     seed: int
     road: Road
     speed_m_s: float
-    crossing: bool = True
+    side_streets_m: tuple[float, float] | None = None
     lane_m: float = 1.75
     pavement_m: float = 7.7
     pavement_height_m: float = 0.14
@@ -60,7 +59,7 @@ class Traffic:
         leader = own + LEADER_M + LEADER_SWING_M * float(np.sin(0.3 * t_s + self.seed))
         cars = [self._car(LEADER, leader, -self.lane_m, ahead=True)]
         cars += self._oncoming(t_s, own)
-        cars += self._crossing(own) if self.crossing else []
+        cars += self._crossing(own, *self.side_streets_m) if self.side_streets_m else []
         return tuple(cars + self._walkers(t_s, own))
 
     def _car(self, number: int, s_m: float, n_m: float, *, ahead: bool) -> Actor:
@@ -78,11 +77,11 @@ class Traffic:
             found.append(self._car(ONCOMING + k % 50_000, place, self.lane_m, ahead=False))
         return found
 
-    def _crossing(self, own_m: float) -> list[Actor]:
-        k = round((own_m - CROSSING_FIRST_M) / CROSSING_EVERY_M)
+    def _crossing(self, own_m: float, first_m: float, every_m: float) -> list[Actor]:
+        k = round((own_m - first_m) / every_m)
         found = []
         for number in (k, k + 1):
-            where = CROSSING_FIRST_M + number * CROSSING_EVERY_M
+            where = first_m + number * every_m
             side = 1.0 if number % 2 == 0 else -1.0
             # The camera reaches the gap before the crossing about when the car is in its middle.
             across = (where - CROSSING_GAP_M - own_m) / self.speed_m_s * CROSSING_SPEED_M_S

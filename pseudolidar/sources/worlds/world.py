@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from pseudolidar.geometry.frames import R_BODY_OPTICAL
-from pseudolidar.sources.worlds.meshes import Colour, Mesh
+from pseudolidar.sources.worlds.meshes import Colour, Mesh, body_pose
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.pose import Pose
@@ -84,11 +84,8 @@ class RigDesign:
     def T_left_velodyne(self) -> Pose:
         """Pose of the Velodyne in the left camera."""
         pitch, yaw = np.deg2rad([self.pitch_deg, self.yaw_deg])
-        c, s = np.cos(pitch), np.sin(pitch)
-        R_pitch = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
-        c, s = np.cos(yaw), np.sin(yaw)
-        R_yaw = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-        R = (R_yaw @ R_pitch @ R_BODY_OPTICAL).T
+        turned = body_pose(np.zeros(3), yaw_rad=yaw, pitch_rad=pitch, roll_rad=0.0)
+        R = (turned[:3, :3] @ R_BODY_OPTICAL).T
         return Pose.from_rotation("camera_left", "velodyne", R, -R @ np.array(self.left_in_base_m))
 
 
@@ -122,12 +119,14 @@ class Surroundings:
     """What stands still around the body for a while.
 
     Args:
-        mesh: all of it, world coordinates.
+        mesh: all of it but what is thin, world coordinates.
+        thin: wires: too thin to throw a shadow that one could see (the sun is half a degree wide).
         things: labelled objects in it (parked cars).
         origin_m: (3,) a place near the body: single precision is counted from there.
     """
 
     mesh: Mesh
+    thin: Mesh
     things: tuple[Thing, ...]
     origin_m: Float64
 
