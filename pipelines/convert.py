@@ -11,6 +11,7 @@ from pseudolidar.formats.mcap_content import McapContent
 from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in
 from pseudolidar.geometry.depth import depth_map
 from pseudolidar.running.bad_frames import OnError
+from pseudolidar.running.conversion_page import write_conversion_page
 from pseudolidar.running.encoders import Converted, encoded
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, Recognised
 from pseudolidar.running.frame_checks import check_pair, check_texture
@@ -21,6 +22,7 @@ from pseudolidar.running.rehearsal import Rehearsal, rehearse
 from pseudolidar.running.results import RunResult
 from pseudolidar.running.run import Run
 from pseudolidar.running.samples import sampled_frames
+from pseudolidar.running.settings_schema import described
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import with_rig
 from pseudolidar.sources.recognise import Source, recognise
@@ -102,7 +104,11 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
         for frame in run.good(stream(source, per_frame, workers=job.workers, skip=settled)):
             log.append(frame.id, frame.value.chunk)
             run.commit(frame)
-    return ConvertReport(run.result(), job.out, job.to)
+    result = run.result()
+    page = write_conversion_page(
+        job.out, result, source.rig, settings={"matcher": described(job.matcher)}
+    )
+    return ConvertReport(result, job.out, job.to, page)
 
 
 @dataclass(frozen=True)
@@ -165,9 +171,11 @@ def opened(job: Convert) -> FrameSource:
 
         rig = read_rig(job.rig)
         source = with_rig(source, rig, scale_calibration=job.scale_calibration)
-    for line in (source.summary.line, *source.summary.notes, *source.summary.absent):
+    for line in (source.summary.line, *source.summary.notes):
         _log.info(line)
-    _log.info("matcher: %s", job.matcher)
+    for name in source.summary.absent:
+        _log.info("absent: %s", name)
+    _log.info("matcher: %s", described(job.matcher))
     return source
 
 
@@ -179,11 +187,13 @@ class ConvertReport:
         result: frames, figures and times.
         out: output folder.
         to: what was written.
+        page: `report.html`.
     """
 
     result: RunResult
     out: Path
     to: Outputs
+    page: Path
 
     @property
     def exit_code(self) -> int:
@@ -192,7 +202,8 @@ class ConvertReport:
 
     def as_dict(self) -> dict[str, Any]:
         """Counts, figures, times and where the results are."""
-        return {**self.result.as_dict(), "out": str(self.out), "to": list(self.to.kinds)}
+        where = {"out": str(self.out), "page": str(self.page)}
+        return {**self.result.as_dict(), **where, "to": list(self.to.kinds)}
 
     def text(self) -> str:
         """The same for people, and what to open."""
@@ -203,4 +214,5 @@ class ConvertReport:
             lines.append(f"  {points:.0f} points a frame, {density:.1%} of the pixels matched")
         opens = [self.out / folder_of(kind) for kind in self.to.files]
         opens += sorted(self.out.glob("*.mcap")) if self.to.recording else []
+        opens.append(self.page)
         return "\n".join([*lines, *(f"  {path}" for path in opens)])

@@ -74,6 +74,15 @@ def choice_name(cls: type | None) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "-", cls.__name__).lower()
 
 
+def described(settings: Any) -> str:
+    """One line for people: the choice, its first setting, and those that are not the default."""
+    first, *others = settings_fields(type(settings))
+    chosen = [field for field in others if getattr(settings, field.name) != field.default]
+    values = [(field.flag, getattr(settings, field.name)) for field in (first, *chosen)]
+    named = ", ".join(f"{flag} {value}" for flag, value in values if value is not None)
+    return choice_name(type(settings)) + (f" ({named})" if named else "")
+
+
 def union_members(kind: Any) -> tuple[Any, ...]:
     """Members of a union without their marks; of any other type, that type alone."""
     kind = unmarked(kind)[0]

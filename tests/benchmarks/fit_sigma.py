@@ -57,7 +57,8 @@ def main() -> None:
         ratio = np.abs(errors) / model.sigma_px(features)
         print(f'"{quality}": {model},')
         print(
-            f"  within sigma {np.mean(ratio < 1):.4f}, within 95 % {np.mean(ratio < RADIUS_95_PER_SIGMA):.4f}"
+            f"  within sigma {np.mean(ratio < 1):.4f}, "
+            f"within the 95 % radius {np.mean(ratio < RADIUS_95_PER_SIGMA):.4f}"
         )
 
 

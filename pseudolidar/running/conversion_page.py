@@ -1,0 +1,186 @@
+"""`report.html` of a conversion: what was made, how dense and how far, and how it looks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pseudolidar.evaluation.page import Picture, PictureRow, Section, render_page
+from pseudolidar.evaluation.pictures import (
+    disparity_picture,
+    error_picture,
+    thicker,
+    top_picture,
+)
+from pseudolidar.formats.atomic import write_atomic
+from pseudolidar.running.encoders import DEPTH_BIN_M
+from pseudolidar.running.results import RunResult
+from pseudolidar.running.samples import TOP_AHEAD_M, TOP_ASIDE_M, FrameSample, read_samples
+from pseudolidar.structures.camera import StereoRig
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+REPORT_NAME = "report.html"
+# The colour scale of disparity ends where all but this share of the sampled pixels lie below.
+DISPARITY_QUANTILE = 0.995
+TOP_SCALE = 3
+SKIPS_SHOWN = 50
+
+
+def write_conversion_page(
+    folder: Path, result: RunResult, rig: StereoRig, *, settings: Mapping[str, str]
+) -> Path:
+    """Write `report.html`, self-contained, from what a run left in its folder.
+
+    Args:
+        folder: output folder.
+        result: how the run ended.
+        rig: of the first frame.
+        settings: what was chosen, by name, for the reader.
+
+    Returns:
+        Path of the page.
+
+    Raises:
+        OutputError: the disk is full or gone.
+    """
+    samples = read_samples(folder, result.committed)
+    sections = [
+        Section("Overview", table=_overview(result, rig, settings)),
+        *_notes(result),
+        *_skips(result),
+        *_plots(result),
+        *_contact_sheet(samples),
+    ]
+    subtitle = "every number in metres and pixels; sigma is one standard deviation (68 %)"
+    path = folder / REPORT_NAME
+    write_atomic(path, render_page(result.source.line, subtitle, sections))
+    return path
+
+
+def _overview(
+    result: RunResult, rig: StereoRig, settings: Mapping[str, str]
+) -> list[tuple[str, str]]:
+    width, height = rig.left.size_px
+    done = f"{len(result.committed)} of {result.total}, {len(result.skipped)} skipped"
+    rows = [
+        ("frames", done),
+        ("images", f"{width} x {height} px"),
+        ("rig", f"f {rig.left.focal_px:.4f} px, baseline {rig.baseline_m:.5f} m"),
+        ("depth at 1 px", f"{rig.fB_px_m:.1f} m"),
+        ("sigma includes", _systematic(rig)),
+    ]
+    means = {name: figure["mean"] for name, figure in result.figures.items()}
+    if means:
+        rows.append(("density", f"{means['density']:.1%} of the pixels, mean over frames"))
+        rows.append(("points", f"{means['points']:,.0f} a frame"))
+    if "sigma_m_median" in means:
+        rows.append(("sigma of a point", f"{means['sigma_m_median']:.3f} m, median"))
+    return rows + list(settings.items())
+
+
+def _systematic(rig: StereoRig) -> str:
+    if rig.correction is None:
+        return f"a systematic {rig.systematic_sigma_px:g} px: the rig was not refined"
+    origin = rig.correction.origin or "unknown origin"
+    return f"a systematic {rig.systematic_sigma_px:.2f} px: the rig was refined ({origin})"
+
+
+def _notes(result: RunResult) -> list[Section]:
+    lines = [("note", note) for note in result.source.notes]
+    lines += [("absent", name) for name in result.source.absent]
+    odd: dict[str, int] = {}
+    for record in result.committed:
+        for note in record.figures.get("notes", ()):
+            odd[note] = odd.get(note, 0) + 1
+    lines += [(f"{count} frame(s)", note) for note, count in odd.items()]
+    return [Section("About the source", table=lines)] if lines else []
+
+
+def _skips(result: RunResult) -> list[Section]:
+    if not result.skipped:
+        return []
+    rows = [
+        (record.id, skip["code"], skip["got"], skip.get("fix", ""))
+        for record in result.skipped[:SKIPS_SHOWN]
+        if (skip := record.skipped) is not None
+    ]
+    more = len(result.skipped) - len(rows)
+    text = "These frames have no output." + (f" {more} more are in report.json." if more else "")
+    return [Section("Skipped frames", text, rows)]
+
+
+def _plots(result: RunResult) -> list[Section]:
+    frames = [record.figures for record in result.committed]
+    if not frames:
+        return []
+    plots = [_density_plot(result), _depth_plot(frames)]
+    return [Section("Density and depth", plots=plots)]
+
+
+def _axes(title: str, x: str, y: str) -> tuple[Figure, Any]:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.6, 3.0))
+    axes = figure.subplots()
+    axes.set(title=title, xlabel=x, ylabel=y)
+    axes.grid(visible=True, alpha=0.3)
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
+def _density_plot(result: RunResult) -> Picture:
+    figure, axes = _axes("Pixels with a disparity", "frame", "share, %")
+    index = [record.index for record in result.committed]
+    share = [100 * record.figures["density"] for record in result.committed]
+    marker = "." if len(index) < 100 else ""
+    axes.plot(index, share, marker=marker, linewidth=1.2)
+    for record in result.skipped:
+        axes.axvline(record.index, color="tab:red", alpha=0.4, linewidth=1)
+    axes.set_ylim(0, 100)
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    return Picture.plot(figure, "share of pixels with a disparity by frame; skipped frames are red")
+
+
+def _depth_plot(frames: Sequence[Mapping[str, Any]]) -> Picture:
+    counts = np.sum([frame["depth_histogram"] for frame in frames], axis=0) / len(frames)
+    edges = DEPTH_BIN_M * np.arange(len(counts))
+    figure, axes = _axes("Depth", "depth Z, m", "pixels a frame")
+    axes.bar(edges, counts, width=0.92 * DEPTH_BIN_M, align="edge")
+    labels = [f"{edge:.0f}" for edge in edges]
+    axes.set_xticks(edges, [*labels[:-1], f"{labels[-1]}+"])
+    axes.set_yscale("log")
+    return Picture.plot(figure, "pixels by depth, mean over frames; the last bar holds all beyond")
+
+
+def _contact_sheet(samples: Mapping[str, FrameSample]) -> list[Section]:
+    if not samples:
+        return []
+    known = [s.disparity[np.isfinite(s.disparity)] for s in samples.values()]
+    pixels = np.concatenate(known).astype(np.float32)
+    max_px = float(np.quantile(pixels, DISPARITY_QUANTILE)) if len(pixels) else 1.0
+    rows = [_sample_row(name, sample, max_px) for name, sample in samples.items()]
+    text = (
+        f"Photo; disparity from 0 (blue) to {max_px:.0f} px (red), black where there is none; "
+        "error against the ground truth where there is one (blue: within 3 px or 5 %, red: worse, "
+        f"white: no disparity); points from above, {TOP_AHEAD_M:.0f} m ahead and "
+        f"{TOP_ASIDE_M:.0f} m to each side, the camera at the middle of the lower edge."
+    )
+    return [Section("Frames", text, pictures=rows)]
+
+
+def _sample_row(name: str, sample: FrameSample, max_px: float) -> PictureRow:
+    disparity, truth = (a.astype(np.float32) for a in (sample.disparity, sample.truth))
+    wide = sample.photo.shape[1] / sample.photo.shape[0]
+    pictures = [
+        Picture.photo(sample.photo, name, width=wide),
+        Picture.exact(disparity_picture(disparity, max_px), "disparity", width=wide),
+    ]
+    if np.isfinite(truth).any():
+        pictures.append(Picture.exact(error_picture(disparity, truth), "error", width=wide))
+    top = thicker(top_picture(sample.top), TOP_SCALE)
+    return PictureRow((*pictures, Picture.exact(top, "from above")))
