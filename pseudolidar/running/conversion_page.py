@@ -140,7 +140,8 @@ def _density_plot(result: RunResult) -> Picture:
     marker = "." if len(index) < 100 else ""
     axes.plot(index, share, marker=marker, linewidth=1.2)
     for record in result.skipped:
-        axes.axvline(record.index, color="tab:red", alpha=0.4, linewidth=1)
+        if record.index is not None:  # a frame refused at opening has no place in the sequence
+            axes.axvline(record.index, color="tab:red", alpha=0.4, linewidth=1)
     axes.set_ylim(0, 100)
     axes.xaxis.get_major_locator().set_params(integer=True)
     return Picture.plot(figure, "share of pixels with a disparity by frame; skipped frames are red")
