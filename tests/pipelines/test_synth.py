@@ -10,6 +10,8 @@ from pseudolidar.sources.source import FrameSource
 from pseudolidar.structures.frame import StereoFrame
 
 FRAMES = 2
+# Not the rate that readers assume where there are no times.
+RATE_HZ = 8.0
 KINDS = {
     "raw": "kitti-raw",
     "odometry": "kitti-odometry",
@@ -22,7 +24,7 @@ KINDS = {
 def written(request, tmp_path_factory) -> tuple[str, FrameSource, FrameSource]:
     """The layout, the world, and what the KITTI readers make of its files."""
     out = tmp_path_factory.mktemp(request.param)
-    job = Synth(out, layout=request.param, frames=FRAMES, width_px=480, seed=3)
+    job = Synth(out, layout=request.param, frames=FRAMES, width_px=480, seed=3, rate_hz=RATE_HZ)
     report = run(job)
     assert report.exit_code == 0
     assert report.as_dict()["committed"] == FRAMES
@@ -38,17 +40,19 @@ def test_it_is_recognised_and_complete(written) -> None:
     assert read.summary.kind == KINDS[layout]
     assert len(read.ids) == FRAMES
     assert read.refused == ()
-    assert read.timestamps_ns == world.timestamps_ns
+    if layout in ("raw", "odometry"):  # the others have no times
+        assert read.timestamps_ns == world.timestamps_ns
 
 
 def test_pictures_and_scans_are_the_same(written) -> None:
-    _, world, read = written
+    layout, world, read = written
     for made, got in zip(frames(world), frames(read), strict=True):
         np.testing.assert_array_equal(got.left, made.left)
         np.testing.assert_array_equal(got.right, made.right)
         np.testing.assert_array_equal(got.scan.xyz, made.scan.xyz)
         np.testing.assert_array_equal(got.scan.reflectance, made.scan.reflectance)
-        assert got.scan.timestamp_ns == made.scan.timestamp_ns
+        if layout in ("raw", "odometry"):
+            assert got.scan.timestamp_ns == made.scan.timestamp_ns
 
 
 def test_calibration_is_the_same(written) -> None:

@@ -24,6 +24,8 @@ FIELDS_M = (4.5, 9.0, 38.0, 75.0, 130.0, 260.0)
 FIELD_STEP_M = 4.0
 # Utility poles stand here, metres left of the middle of the road.
 POLES_M = 5.6
+# How finely trees are made near the road and farther from it, metres.
+TREE_LEVELS, TREE_RANGES_M = (3, 2, 1), (15.0, 50.0)
 # Height of the flight: mean and swing, metres; lengths of its waves, seconds.
 HEIGHT_M, CLIMB_M, CLIMB_S, YAW_S = 15.0, 4.0, 31.0, 17.0
 FIELD_COLOURS: tuple[tuple[Material, Colour], ...] = (
@@ -196,7 +198,7 @@ def _field(
 def _trees(flight: Flight, k: int, rng: np.random.Generator) -> Mesh:
     """Trees along the road, hedgerows between fields, and copses."""
     parts = []
-    near, far = _models(flight.seed, 3), _models(flight.seed, 2)
+    models = [_models(flight.seed, levels) for levels in TREE_LEVELS]
     spots = [
         (s, side * rng.uniform(6.5, 8.0))
         for s in np.arange(4.0, PIECE_M, 13.0)
@@ -212,7 +214,8 @@ def _trees(flight: Flight, k: int, rng: np.random.Generator) -> Mesh:
     copse, side = rng.uniform(0, PIECE_M), float(rng.choice([-1.0, 1.0]))
     spots += [(copse + rng.normal(0, 7.0), side * (26.0 + rng.normal(0, 5.0))) for _ in range(6)]
     for along, n in spots:
-        model = (near if abs(n) < 15 else far)[int(rng.integers(6))]
+        detail = int(np.searchsorted(TREE_RANGES_M, abs(n)))
+        model = models[detail][int(rng.integers(6))]
         place = flight.land(np.array([k * PIECE_M + along]), np.array([n]))[0]
         parts.append(
             model.placed(place, yaw_rad=rng.uniform(0, 6.28), scale=rng.uniform(0.7, 1.05))
