@@ -48,8 +48,8 @@ format: $(VENV)/installed-dev ## format the code and mend what can be mended
 	$(BIN)/ruff format .
 
 bench: $(VENV)/installed-dev ## print benchmark ratios
-	@for script in tests/benchmarks/[!_]*.py; do \
-		test -e "$$script" || continue; echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
+	$(BIN)/python -m tests.benchmarks.matchers
+	$(BIN)/python -m tests.benchmarks.conversion
 
 soak: $(VENV)/installed-dev ## long tests
 	$(BIN)/python -m pytest -m slow
