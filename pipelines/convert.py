@@ -75,7 +75,7 @@ class Convert:
     matcher: Census | Sgbm | Bm = field(default_factory=Census)
     reproject: Reproject = field(default_factory=Reproject)
     # Unpacked: lz4 takes longer than encoding all the rest of a frame, and saves 10 % of the bytes.
-    mcap: McapContent = field(default_factory=lambda: McapContent(compression="none"))
+    mcap: McapContent = field(default_factory=McapContent)
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
     rig: Path | None = None

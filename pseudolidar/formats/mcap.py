@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import zlib
 from collections.abc import Iterator, Sequence
 from io import FileIO
 from pathlib import Path
@@ -22,6 +21,7 @@ from mcap.opcode import Opcode
 
 from pseudolidar.errors import RecordingError, SequenceTime
 from pseudolidar.formats.atomic import fsync_folder, output_error
+from pseudolidar.formats.checksum import crc32
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.mcap_check import McapSummary, check_mcap
 from pseudolidar.formats.mcap_frame import FrameChunk, describe_chunk
@@ -164,7 +164,7 @@ class McapLog:
         self._offset, self._crc = 0, 0
         held = []
         if self._file.read(len(beginning)) == beginning:
-            self._offset, self._crc = len(beginning), zlib.crc32(beginning)
+            self._offset, self._crc = len(beginning), crc32(beginning)
             wanted = iter(committed)
             for offset, frame in whole_frames(self._file, self._offset):
                 if frame.frame_id != next(wanted, None):
@@ -195,7 +195,7 @@ class McapLog:
 
     def _advance(self, *parts: bytes | memoryview) -> None:
         for part in parts:
-            self._crc = zlib.crc32(part, self._crc)
+            self._crc = crc32(part, self._crc)
             self._offset += len(part)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import array
 import os
-import zlib
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from mcap.records import (
 )
 
 from pseudolidar.errors import PseudolidarError, RecordingError
+from pseudolidar.formats.checksum import crc32
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.mcap_channels import FRAME, PROTOBUF
 from pseudolidar.formats.mcap_check_messages import ChannelCheck, MessageChecks, message_class
@@ -126,7 +126,7 @@ class _Reading:
         self._file.seek(0)
         if self._file.read(len(MAGIC)) != MAGIC:
             raise broken("no MCAP file: it begins otherwise", 0)
-        offset, crc = len(MAGIC), zlib.crc32(MAGIC)
+        offset, crc = len(MAGIC), crc32(MAGIC)
         while True:
             record = read_record(self._file, offset, self._size, self._limits)
             offset = record.end
@@ -134,7 +134,7 @@ class _Reading:
                 if parsed(DataEnd, record).data_section_crc not in (0, crc):
                     raise broken("data whose CRC does not match", record.offset)
                 return offset
-            crc = zlib.crc32(record.body, zlib.crc32(record.header(), crc))
+            crc = crc32(record.body, crc32(record.header(), crc))
             self._data_record(record)
 
     def _data_record(self, record: RawRecord) -> None:
@@ -192,7 +192,7 @@ class _Reading:
             offset = record.end
             if record.opcode == Opcode.FOOTER:
                 break
-            crc = zlib.crc32(record.body, zlib.crc32(record.header(), crc))
+            crc = crc32(record.body, crc32(record.header(), crc))
             if record.opcode == Opcode.STATISTICS:
                 statistics = parsed(Statistics, record)
             elif record.opcode == Opcode.CHUNK_INDEX:
@@ -207,6 +207,6 @@ class _Reading:
             raise broken("an index of other chunks than there are", start)
 
     def _footer(self, record: RawRecord, crc: int) -> None:
-        crc = zlib.crc32(record.body[:-FOOTER_CRC_BYTES], zlib.crc32(record.header(), crc))
+        crc = crc32(record.body[:-FOOTER_CRC_BYTES], crc32(record.header(), crc))
         if parsed(Footer, record).summary_crc not in (0, crc):
             raise broken("a summary whose CRC does not match", record.offset)

@@ -7,7 +7,6 @@ elsewhere.
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -18,6 +17,7 @@ from mcap.opcode import Opcode
 from mcap.records import MessageIndex
 
 from pseudolidar.errors import StructureError
+from pseudolidar.formats.checksum import crc32
 from pseudolidar.formats.mcap_channels import (
     FRAME,
     channel_id,
@@ -104,7 +104,7 @@ def pack_frame(
         start_ns=min(times),
         end_ns=max(times),
         unpacked_bytes=len(records),
-        unpacked_crc=zlib.crc32(records),
+        unpacked_crc=crc32(records),
         compression=name,
         packed=packed,
     )

@@ -161,7 +161,7 @@ def _result_topics(
     if content.depth == "png" and depth is not None:
         yield channels.DEPTH_PNG, depth_png_message(depth, name, time_ns)
     if content.cloud and cloud is not None:
-        yield channels.POINTS, cloud_message(cloud, time_ns)
+        yield channels.POINTS, cloud_message(cloud, time_ns, pixels=content.pixels)
 
 
 def _marker_text(frame: StereoFrame) -> str:

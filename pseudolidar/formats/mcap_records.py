@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import io
 import struct
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import FileIO
@@ -19,6 +18,7 @@ from mcap.opcode import Opcode
 from mcap.records import McapRecord
 
 from pseudolidar.errors import RecordingError
+from pseudolidar.formats.checksum import crc32
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.mcap_compression import decompressed
 
@@ -192,7 +192,7 @@ def unpacked(
         data = decompressed(chunk.packed, chunk.compression, size)
     except ValueError as error:
         raise broken(f"a chunk that cannot be unpacked: {error}", offset) from error
-    if chunk.unpacked_crc not in (0, zlib.crc32(data)):
+    if chunk.unpacked_crc not in (0, crc32(data)):
         raise broken("a chunk whose CRC does not match", offset)
     return data
 

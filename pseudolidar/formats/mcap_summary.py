@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import zlib
 from collections import Counter
 
 from mcap.opcode import Opcode
@@ -17,6 +16,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from pseudolidar.formats.checksum import crc32
 from pseudolidar.formats.mcap_channels import channel_record, schema_id, schema_record
 from pseudolidar.formats.mcap_frame import FrameChunk
 from pseudolidar.formats.mcap_records import MAGIC, record_bytes
@@ -133,7 +133,7 @@ def _summary_offsets(groups: dict[int, bytes], start: int) -> list[bytes]:
 
 def _footer(summary: bytes, start: int, offsets_start: int) -> bytes:
     head = FOOTER_START.pack(Opcode.FOOTER, FOOTER.size, start, offsets_start)
-    crc = zlib.crc32(head, zlib.crc32(summary))
+    crc = crc32(head, crc32(summary))
     return record_bytes(
         Footer(summary_start=start, summary_offset_start=offsets_start, summary_crc=crc)
     )

@@ -1,10 +1,11 @@
-"""Columns to packed records, one a point: the body of binary PCD and PLY files."""
+"""Columns to packed records, one a point: binary PCD and PLY bodies, clouds in MCAP."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from pseudolidar.structures.arrays import AnyArray, UInt8
 
@@ -13,9 +14,17 @@ from pseudolidar.structures.arrays import AnyArray, UInt8
 _BLOCK = 8192
 
 
-def interleave(columns: Mapping[str, AnyArray]) -> UInt8:
-    """Bytes of little-endian records of `columns`, each (N,), in their order and without gaps."""
-    dtype = np.dtype([(name, c.dtype.newbyteorder("<")) for name, c in columns.items()])
+def interleave(
+    columns: Mapping[str, AnyArray], dtypes: Mapping[str, DTypeLike] | None = None
+) -> UInt8:
+    """Bytes of little-endian records of `columns`, each (N,), in their order and without gaps.
+
+    Args:
+        columns: values by name.
+        dtypes: what to store them as; by default as they are.
+    """
+    stored = dtypes or {name: c.dtype.newbyteorder("<") for name, c in columns.items()}
+    dtype = np.dtype(list(stored.items()))
     count = len(next(iter(columns.values())))
     records = np.empty(count, dtype)
     for start in range(0, count, _BLOCK):

@@ -2,33 +2,35 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
+from pseudolidar.formats.checksum import crc32
 from pseudolidar.running.folder import inside, stays_inside
 from pseudolidar.running.stream import Skipped
+
+_BLOCK_BYTES = 1 << 20
 
 
 @dataclass(frozen=True, eq=False)
 class OutputFile:
-    """A file of a frame before it is written, hashed where it was made: in the worker.
+    """A file of a frame before it is written, summed where it was made: in the worker.
 
     Args:
         name: place in the output folder, with /.
         data: all its bytes.
-        sha256: of the data, hexadecimal.
+        crc32: of the data.
     """
 
     name: str
     data: bytes
-    sha256: str
+    crc32: int
 
     @classmethod
     def of(cls, name: str, data: bytes) -> Self:
-        """The file with its hash."""
-        return cls(name, data, hashlib.sha256(data).hexdigest())
+        """The file with its checksum."""
+        return cls(name, data, crc32(data))
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class FileRecord:
     Args:
         name: place in the output folder, with /.
         size: bytes.
-        sha256: hexadecimal.
+        crc32: of its bytes; tells damage, not malice.
 
     Raises:
         ValueError: the name leaves the output folder.
@@ -46,7 +48,7 @@ class FileRecord:
 
     name: str
     size: int
-    sha256: str
+    crc32: int
 
     def __post_init__(self) -> None:
         if not stays_inside(self.name):  # a journal is a file like any other: not to be trusted
@@ -56,7 +58,7 @@ class FileRecord:
         """Whether the file in `folder` is still the one that was committed."""
         path = inside(folder, self.name)
         try:
-            return path.stat().st_size == self.size and sha256_of(path) == self.sha256
+            return path.stat().st_size == self.size and crc32_of(path) == self.crc32
         except OSError:
             return False
 
@@ -100,7 +102,10 @@ class FrameRecord:
         return cls(data["id"], data["index"], files, dict(data["figures"]), data["skipped"])
 
 
-def sha256_of(path: Path) -> str:
-    """Hash of a file, hexadecimal."""
+def crc32_of(path: Path) -> int:
+    """Checksum of a file."""
+    value = 0
     with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        while block := file.read(_BLOCK_BYTES):
+            value = crc32(block, value)
+    return value

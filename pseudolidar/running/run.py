@@ -157,7 +157,7 @@ class Run:
             OutputError: the disk is full or gone; the frame is then not committed.
         """
         files, figures = frame.value.files, frame.value.figures
-        names = tuple(FileRecord(file.name, len(file.data), file.sha256) for file in files)
+        names = tuple(FileRecord(file.name, len(file.data), file.crc32) for file in files)
         with self._signals.held():
             self._journal.commit(FrameRecord(frame.id, frame.index, names, figures), files)
 
