@@ -10,7 +10,7 @@ import numpy as np
 from pseudolidar.sources.worlds import objects
 from pseudolidar.sources.worlds.materials import Material
 from pseudolidar.sources.worlds.meshes import Colour, Mesh, above, body_pose, join, sheet
-from pseudolidar.sources.worlds.road import Road
+from pseudolidar.sources.worlds.road import Road, texture_start
 from pseudolidar.sources.worlds.traffic import Traffic
 from pseudolidar.sources.worlds.world import Actor, Light, RigDesign, Surroundings
 from pseudolidar.structures.arrays import Float64
@@ -111,7 +111,7 @@ class Flight:
         numbers = range(region - PIECES_BEHIND, region + PIECES_AHEAD + 1)
         origin, _ = self.road.place(region * PIECE_M, 0.0)
         return Surroundings(
-            mesh=join([_piece(self, k) for k in numbers]),
+            meshes=tuple(_piece(self, k) for k in numbers),
             thin=join([_wires(self, k) for k in numbers]),
             things=(),
             origin_m=np.round(origin),
@@ -134,7 +134,7 @@ class Flight:
         return points
 
 
-@functools.lru_cache(maxsize=2 * (PIECES_BEHIND + PIECES_AHEAD + 1))
+@functools.lru_cache(maxsize=PIECES_BEHIND + PIECES_AHEAD + 2)
 def _piece(flight: Flight, k: int) -> Mesh:
     rng = np.random.default_rng([flight.seed, 60, k + 1_000_000])
     return join(
@@ -191,8 +191,9 @@ def _field(
     n = np.linspace(near, far, max(2, int(abs(far - near) / FIELD_STEP_M) + 1))
     S, N = np.meshgrid(s, n, indexing="ij")
     points = flight.land(S.ravel(), N.ravel()).reshape(*S.shape, 3)
-    texture = np.stack([S, N, np.zeros_like(S)], axis=-1)
-    return sheet(points, material, colour, texture=texture, seed=seed)
+    period, origin = texture_start(start)
+    texture = np.stack([S - origin, N, np.zeros_like(S)], axis=-1)
+    return sheet(points, material, colour, texture=texture, seed=seed + period)
 
 
 def _trees(flight: Flight, k: int, rng: np.random.Generator) -> Mesh:

@@ -12,6 +12,8 @@ from pseudolidar.structures.arrays import Float64
 # The centre line is integrated in steps of this length and blocks of this many steps.
 STEP_M = 0.25
 BLOCK = 1024
+# A multiple of the pieces that worlds are made of and of the road's dashes, metres.
+TEXTURE_PERIOD_M = 1440.0
 # Where the line starts, so that what lies behind the first frame is road too, metres.
 BEFORE_START_M = 256.0
 
@@ -60,6 +62,15 @@ class Road:
         """(3,) world position and heading (rad) of one spot."""
         s = np.array([s_m])
         return self.at(s, np.array([n_m]))[0], float(self.heading_rad(s)[0])
+
+
+def texture_start(s_m: float) -> tuple[int, float]:
+    """Seed and origin of the ground's texture at an arc length.
+
+    Texture is in single precision: it starts anew before its coordinates get coarse.
+    """
+    period = int(np.floor(s_m / TEXTURE_PERIOD_M))
+    return 1 + period, period * TEXTURE_PERIOD_M
 
 
 def _waves(s_m: Float64, seed: int, lengths_m: tuple[float, ...]) -> Float64:

@@ -66,7 +66,7 @@ class Room:
 
     def surroundings(self, region: int) -> Surroundings:  # noqa: ARG002 - the hall is all there is
         """The hall."""
-        return Surroundings(_hall(self.seed), join([]), (), np.zeros(3))
+        return Surroundings((_hall(self.seed),), join([]), (), np.zeros(3))
 
     def actors(self, t_s: float) -> tuple[Actor, ...]:
         """Two people who walk to and fro."""

@@ -162,8 +162,9 @@ def _region(world: World, number: int) -> tuple[Solid, Surroundings]:
 @functools.lru_cache(maxsize=REGIONS_KEPT)
 def _built(world: World, number: int) -> tuple[Solid, Surroundings]:
     around = world.surroundings(number)
-    solid = Solid.of(around.mesh.rows(around.origin_m), around.mesh.kind)
-    return solid, replace(around, mesh=join([]))
+    rows = np.concatenate([mesh.rows(around.origin_m) for mesh in around.meshes])
+    solid = Solid.of(rows, np.concatenate([mesh.kind for mesh in around.meshes]))
+    return solid, replace(around, meshes=())
 
 
 def _tensor(array: AnyArray) -> Any:

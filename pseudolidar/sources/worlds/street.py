@@ -111,7 +111,7 @@ class Street:
         pieces = [_piece(self, k) for k in numbers]
         origin, _ = self.road.place(region * PIECE_M, 0.0)
         return Surroundings(
-            mesh=join([mesh for mesh, _ in pieces]),
+            meshes=tuple(mesh for mesh, _ in pieces),
             thin=join([_wires(self, k) for k in numbers]),
             things=tuple(thing for _, things in pieces for thing in things),
             origin_m=np.round(origin),
@@ -122,7 +122,7 @@ class Street:
         return self.traffic.actors(t_s)
 
 
-@functools.lru_cache(maxsize=2 * (PIECES_BEHIND + PIECES_AHEAD + 1))
+@functools.lru_cache(maxsize=PIECES_BEHIND + PIECES_AHEAD + 2)
 def _piece(street: Street, k: int) -> tuple[Mesh, tuple[Thing, ...]]:
     rng = np.random.default_rng([street.seed, 1000, k + 1_000_000])
     parts = [ground(street.road, k)]

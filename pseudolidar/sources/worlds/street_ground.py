@@ -6,7 +6,7 @@ import numpy as np
 
 from pseudolidar.sources.worlds.materials import Material
 from pseudolidar.sources.worlds.meshes import Colour, Mesh, join, sheet
-from pseudolidar.sources.worlds.road import Road
+from pseudolidar.sources.worlds.road import Road, texture_start
 
 # The street is made piece by piece.
 PIECE_M = 32.0
@@ -95,5 +95,6 @@ def _strip(
     points = road.at(S.ravel(), N.ravel()).reshape(*S.shape, 3)
     points[..., 2] += np.array(z)
     up = np.broadcast_to(np.array(z), S.shape)
-    texture = np.stack([S, N, up] if along is None else [N, S - along, up], axis=-1)
-    return sheet(points, material, colour, texture=texture, seed=1)
+    seed, start = (1, along) if along is not None else texture_start(span[0])
+    texture = np.stack([S - start, N, up] if along is None else [N, S - start, up], axis=-1)
+    return sheet(points, material, colour, texture=texture, seed=seed)

@@ -119,13 +119,13 @@ class Surroundings:
     """What stands still around the body for a while.
 
     Args:
-        mesh: all of it but what is thin, world coordinates.
+        meshes: all of it but what is thin, piece by piece, world coordinates.
         thin: wires: too thin to throw a shadow that one could see (the sun is half a degree wide).
         things: labelled objects in it (parked cars).
         origin_m: (3,) a place near the body: single precision is counted from there.
     """
 
-    mesh: Mesh
+    meshes: tuple[Mesh, ...]
     thin: Mesh
     things: tuple[Thing, ...]
     origin_m: Float64
