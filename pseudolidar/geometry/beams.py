@@ -36,7 +36,7 @@ class BeamTable:
     def azimuths_rad(self) -> Float64:
         """(A,) from straight ahead turning left, all the way round."""
         count = round(360.0 / self.azimuth_step_deg)
-        return np.arange(count) * (2 * np.pi / count)
+        return np.arange(count, dtype=np.float64) * (2 * np.pi / count)
 
     def directions(self) -> Float64:
         """(L * A, 3) unit vectors in `velodyne` (x forward, y left, z up), laser by laser."""
