@@ -67,6 +67,7 @@ PARTS = (
             "mcap": "mcap",
             "foxglove_schemas_protobuf": "foxglove-schemas-protobuf",
             "google": "protobuf",
+            "isal": "isal",
             "lz4": "lz4",
             "zstandard": "zstandard",
         },
