@@ -19,6 +19,7 @@ from typing import Generic, TypeVar
 
 from pseudolidar.errors import FrameError, PseudolidarError
 from pseudolidar.running.crew import Crew
+from pseudolidar.running.memory import keep_freed_memory
 from pseudolidar.sources.source import FrameSource
 from pseudolidar.structures.frame import StereoFrame
 
@@ -87,6 +88,7 @@ def stream(
     """
     yield from (Skipped(name, None, error) for name, error in source.refused)
     workers = workers or default_workers()
+    keep_freed_memory()
     todo = (index for index, name in enumerate(source.ids) if name not in skip)
     with _opencv_single_threaded(), Crew(workers) as crew:
         pending = deque(
