@@ -1,0 +1,167 @@
+"""What the README shows works: its commands parse, its code runs, its files and targets exist."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import json
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from pseudolidar import cli
+from pseudolidar.commandline.verbs import RUN_VERB, verb_files
+from pseudolidar.formats.pcd import read_pcd
+from pseudolidar.formats.rig_fields import MINIMAL_RIG
+from pseudolidar.formats.rig_json import parse_rig, write_rig
+from pseudolidar.running.settings_json import to_json
+from pseudolidar.sources.synthetic import Synthetic
+
+ROOT = Path(__file__).resolve().parent.parent
+README = (ROOT / "README.md").read_text("utf-8")
+OWN_JOB = "near_job.py"
+DRIVE = "2011_09_26/2011_09_26_drive_0001_sync"
+# Folders that the README stands for, under its names.
+SHOWN_DRIVE, SHOWN_STEREO, SHOWN_PAIRS = (
+    "KITTI/2011_09_26/2011_09_26_drive_0002_sync",
+    "KITTI/training",
+    "my_pairs",
+)
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
+
+
+def shown(program: str) -> list[str]:
+    """Lines of indented blocks that run `program`, without comments."""
+    lines = re.findall(rf"^    (?:\.venv/bin/)?{program} (.*)$", README, flags=re.MULTILINE)
+    return [line.split("#")[0].strip() for line in lines]
+
+
+class Answer:
+    exit_code = 0
+
+    def as_dict(self) -> dict[str, Any]:
+        return {}
+
+    def text(self) -> str:
+        return ""
+
+
+@pytest.fixture(scope="module")
+def shown_folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that has all inputs that the README names, small."""
+    folder = tmp_path_factory.mktemp("readme")
+    for layout in ("raw", "stereo"):
+        args = ["synth", str(folder / layout), "--layout", layout, "--frames", "2"]
+        assert cli.main([*args, "--width-px", "256", "--height-px", "96"]) == 0
+    (folder / SHOWN_DRIVE).parent.parent.mkdir(parents=True)
+    drive = next(folder.glob("raw/*/*_sync"))
+    drive.parent.rename((folder / SHOWN_DRIVE).parent)
+    (folder / SHOWN_DRIVE).parent.joinpath(drive.name).rename(folder / SHOWN_DRIVE)
+    (folder / "stereo/training").rename(folder / SHOWN_STEREO)
+    (folder / "out").mkdir()
+    (folder / "out/kitti").symlink_to(folder / "KITTI")
+    picture = np.zeros((96, 256), np.uint8)
+    for eye in ("left", "right"):
+        (folder / SHOWN_PAIRS / eye).mkdir(parents=True)
+        cv2.imwrite(str(folder / SHOWN_PAIRS / eye / "0.png"), picture)
+    rig = Synthetic("street", width_px=256, height_px=96).open().rig
+    write_rig(folder / SHOWN_PAIRS / "rig.json", rig)
+    for maps in ("EST", "GT"):
+        (folder / maps).mkdir()
+        cv2.imwrite(str(folder / maps / "0.png"), picture.astype(np.uint16))
+    (folder / OWN_JOB).write_text(blocks("python")[0])
+    return folder
+
+
+@pytest.fixture
+def received(monkeypatch: pytest.MonkeyPatch) -> list[object]:
+    """Settings that verbs got; none of them does its work."""
+    settings: list[object] = []
+
+    def instead_of(run: Callable[[Any], Any]) -> Callable[[Any], Answer]:
+        @functools.wraps(run)
+        def receive(job: object) -> Answer:
+            settings.append(job)
+            return Answer()
+
+        return receive
+
+    for file in verb_files().values():
+        module = importlib.import_module(f"pseudolidar.pipelines.{file.stem}")
+        monkeypatch.setattr(module, "run", instead_of(module.run))
+    return settings
+
+
+def test_every_verb_has_its_commands():
+    verbs = {line.split()[0] for line in shown("pseudolidar")}
+    assert verbs == {*verb_files(), RUN_VERB}
+
+
+@pytest.mark.parametrize(
+    "line", sorted({line for line in shown("pseudolidar") if not line.startswith(RUN_VERB)})
+)
+def test_a_command_is_understood(line, shown_folders, received, monkeypatch, capsys):
+    monkeypatch.chdir(shown_folders)
+    assert cli.main(shlex.split(line)) == 0, capsys.readouterr().err
+    assert len(received) == 1
+
+
+def test_a_run_is_repeated_from_its_settings(shown_folders, received, monkeypatch):
+    monkeypatch.chdir(shown_folders)
+    first = next(line for line in shown("pseudolidar") if line.startswith("convert"))
+    flag, file = re.search(r"`(--settings) (\S+)`", README).groups()
+    assert cli.main(shlex.split(first)) == 0
+    Path(file).parent.mkdir()
+    Path(file).write_text(json.dumps({"settings": to_json(received[0])}))
+    assert cli.main(["convert", flag, file]) == 0
+    assert to_json(received[1]) == to_json(received[0])
+
+
+def test_the_pipeline_of_ones_own_runs(shown_folders, monkeypatch, capsys):
+    monkeypatch.chdir(shown_folders)
+    (line,) = (line for line in shown("pseudolidar") if line.startswith(RUN_VERB))
+    args = shlex.split(line)
+    assert args[1] == OWN_JOB
+    small = ["--source.width-px", "256", "--source.height-px", "96", "--matcher.disparities", "32"]
+    assert cli.main([*args, *small]) == 0, capsys.readouterr().err
+    assert re.fullmatch(r"(00000[012]  [0-9.]+ m\n){3}", capsys.readouterr().out)
+
+
+def test_the_example_in_python_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    job, example = blocks("python")
+    assert job.startswith('"""How near')
+    exec(compile(example, "README.md", "exec"), {"__name__": "readme"})
+    points, frame, *_ = capsys.readouterr().out.split()
+    assert frame == "camera_left"
+    kept = len(read_pcd(tmp_path / "street.pcd"))
+    assert 0 < kept < int(points)
+
+
+def test_the_rig_is_the_least_that_is_needed():
+    (rig,) = blocks("json")
+    assert json.loads(rig) == json.loads(MINIMAL_RIG)
+    assert parse_rig(rig, "README.md").baseline_m == pytest.approx(0.54)
+
+
+def test_make_has_every_target_that_is_shown():
+    targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
+    assert {line.split()[0] for line in shown("make")} <= set(targets)
+
+
+def test_links_lead_to_files_and_headings():
+    headings = re.findall(r"^#+ (.*)$", README, flags=re.MULTILINE)
+    anchors = {re.sub(r"[^a-z0-9 -]", "", text.lower()).replace(" ", "-") for text in headings}
+    links = re.findall(r"\]\(([^)]+)\)", README)
+    assert links
+    for link in links:
+        assert link[1:] in anchors if link.startswith("#") else (ROOT / link).exists(), link
