@@ -56,7 +56,7 @@ class View:
     max_range_m: float
 
 
-VIEWS = (View("street", 6, (-2.5, -2.2, -2.5), 4.0, (5.0, 50.0), 8.5, 60.0),)
+VIEWS = (View("street", 9, (-2.5, -2.2, -2.5), 4.0, (5.0, 50.0), 8.5, 60.0),)
 
 
 def main() -> None:
