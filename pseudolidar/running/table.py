@@ -9,17 +9,21 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-_MIN_WIDTH = 80
+# Columns where no terminal wraps lines: programs that read a table want whole rows.
+_UNLIMITED = 1000
 
 
 def table_text(rows: Iterable[Sequence[str]], *, header: Sequence[str] = ()) -> str:
-    """Aligned columns; the last one is wrapped at the terminal's width.
+    """Aligned columns; cells are wrapped at the terminal's width.
 
     Args:
         rows: texts, one sequence a row, all of one length.
         header: names of the columns, if they need any.
     """
-    console = Console(file=io.StringIO(), width=max(Console().width, _MIN_WIDTH))
+    terminal = Console()
+    console = Console(
+        file=io.StringIO(), width=terminal.width if terminal.is_terminal else _UNLIMITED
+    )
     table = Table(box=box.SIMPLE_HEAD if header else None, show_header=bool(header))
     rows = list(rows)
     for i in range(len(rows[0]) if rows else 0):
