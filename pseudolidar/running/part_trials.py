@@ -27,6 +27,7 @@ _HEIGHT, _WIDTH = 96, 192
 _SHIFT_PX = 8
 _SEED = 7
 _FOCAL_PX, _BASELINE_M = 100.0, 0.5
+_VOXEL_M = 0.05
 
 
 def images() -> str:
@@ -41,15 +42,19 @@ def images() -> str:
 
 
 def matcher() -> str:
-    """Compile or load the kernels and match a pair of known disparity, both qualities."""
+    """Compile or load the kernels, match a pair of known disparity in both qualities, reproject."""
     from pseudolidar.stereo.census import Census
+    from pseudolidar.stereo.reproject import Reproject
 
-    frame = trial_frame()
+    frame, reproject = trial_frame(), Reproject(voxel_m=_VOXEL_M).load()
     qualities: tuple[Literal["fast", "fine"], ...] = ("fast", "fine")
     for quality in qualities:
         found = Census(quality=quality, disparities=32).load()(frame)
         median = float(np.nanmedian(found.values))
         _check(abs(median - _SHIFT_PX) < 0.5, f"{quality}: {median} px, want {_SHIFT_PX}")
+        depth_m = float(np.median(reproject(frame, found).xyz[:, 2]))
+        want_m = _FOCAL_PX * _BASELINE_M / _SHIFT_PX
+        _check(abs(depth_m / want_m - 1) < 0.05, f"{quality}: {depth_m} m, want {want_m}")
     return "kernels compiled, known disparity found"
 
 
