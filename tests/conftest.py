@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.rerun_program import Rerun
+
 ROOT = Path(__file__).resolve().parent.parent
 DATA = Path(os.environ.get("PSEUDOLIDAR_DATA", ROOT.parent / "shared" / "data")).resolve()
 
@@ -17,3 +19,9 @@ def real_data() -> Path:
     if not DATA.is_dir():
         pytest.skip(f"real data not found at {DATA} (set PSEUDOLIDAR_DATA)")
     return DATA
+
+
+@pytest.fixture(scope="session")
+def rerun(tmp_path_factory: pytest.TempPathFactory) -> Rerun:
+    """The program `rerun`; skips the test where it is not installed."""
+    return Rerun(tmp_path_factory.mktemp("home"))

@@ -1,9 +1,6 @@
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,6 +25,7 @@ from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from pseudolidar.structures.frame import LidarScan, StereoFrame
 from pseudolidar.structures.pose import Pose
+from tests.rerun_program import Rerun
 
 TIME_NS = 1_317_013_333_123_456_789
 WIDTH, HEIGHT = 32, 16
@@ -423,36 +421,6 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
             messages = frame_messages(frame, disparity=disparity, depth=depth, cloud=cloud)
             log.append(pack_frame(messages, index=index))
     return path
-
-
-class Rerun:
-    """The command line of `rerun-sdk`, with a home of its own and its analytics switched off."""
-
-    def __init__(self, home: Path) -> None:
-        self._program = Path(sys.executable).with_name("rerun")
-        if not self._program.exists():
-            pytest.skip("rerun-sdk is not installed")
-        folders = ("HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME")
-        self._environment = os.environ | {name: str(home) for name in folders}
-        self("analytics", "disable")
-
-    def __call__(self, *arguments: str | Path) -> str:
-        result = subprocess.run(
-            [self._program, *arguments],
-            env=self._environment,
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
-        )
-        assert result.returncode == 0, result.stderr
-        assert "ERROR" not in result.stderr
-        return result.stdout
-
-
-@pytest.fixture(scope="module")
-def rerun(tmp_path_factory: pytest.TempPathFactory) -> Rerun:
-    return Rerun(tmp_path_factory.mktemp("home"))
 
 
 def test_rerun_finds_no_fault(recording: Path, rerun: Rerun) -> None:
