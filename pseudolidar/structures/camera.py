@@ -14,8 +14,10 @@ from pseudolidar.structures.pose import Pose
 # Systematic disparity error of a rig whose calibration nobody checked, px (measured on KITTI: about
 # 0.5 px at range).
 UNREFINED_SIGMA_PX = 0.5
-# A rectified pair: focal lengths and rows agree to this, relative and in px.
+# A rectified pair: rotations and (relative) focal lengths agree to the 7 digits of text files.
 RECTIFIED_TOLERANCE = 1e-6
+# Its rows agree to this, px: far below what a matcher could see.
+RECTIFIED_ROWS_PX = 1e-3
 # Residual of the right centre off the baseline direction that published rectified rigs carry
 # (KITTI: 0.5 %).
 RECTIFIED_OFF_AXIS = 0.02
@@ -169,11 +171,12 @@ class StereoRig:
 
     @property
     def is_rectified(self) -> bool:
-        """Whether rows of the two images correspond."""
+        """Whether rows of the two images correspond; pixels need not be square."""
         K, K_right = self.left.K, self.right.K
-        same_rows = abs(K[1, 2] - K_right[1, 2]) < 1e-3
-        same_focal = abs(K[0, 0] / K_right[0, 0] - 1) < RECTIFIED_TOLERANCE
-        square = abs(K[0, 0] / K[1, 1] - 1) < RECTIFIED_OFF_AXIS
+        same_rows = abs(K[1, 2] - K_right[1, 2]) < RECTIFIED_ROWS_PX
+        ratios = np.array([K[0, 0] / K_right[0, 0], K[1, 1] / K_right[1, 1]])
+        same_focal = np.abs(ratios - 1).max() < RECTIFIED_TOLERANCE
+        no_skew = K[0, 1] == 0 and K_right[0, 1] == 0
         t_m = np.abs(self.T_right_left.translation_m)
         along_row = max(t_m[1], t_m[2]) <= RECTIFIED_OFF_AXIS * t_m[0]
         undistorted = not (self.left.distortion.any() or self.right.distortion.any())
@@ -181,7 +184,7 @@ class StereoRig:
             self.rectified_rotation
             and same_rows
             and same_focal
-            and square
+            and no_skew
             and along_row
             and undistorted
         )
