@@ -24,7 +24,7 @@ from pseudolidar.running.run import Run
 from pseudolidar.running.samples import sampled_frames
 from pseudolidar.running.settings_schema import described
 from pseudolidar.running.stream import stream
-from pseudolidar.sources.other_rig import with_rig
+from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSource
@@ -165,12 +165,8 @@ class ConvertFrame:
 
 def opened(job: Convert) -> FrameSource:
     """The source with the selection and the rig that the job asks for."""
-    source = select(job.source.open(), job.frames, job.exclude)
-    if job.rig is not None:
-        from pseudolidar.formats.rig_json import read_rig
-
-        rig = read_rig(job.rig)
-        source = with_rig(source, rig, scale_calibration=job.scale_calibration)
+    whole = opened_with_rig(job.source, job.rig, scale_calibration=job.scale_calibration)
+    source = select(whole, job.frames, job.exclude)
     for line in (source.summary.line, *source.summary.notes):
         _log.info(line)
     for name in source.summary.absent:

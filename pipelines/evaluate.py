@@ -15,13 +15,12 @@ from pseudolidar.evaluation.disparity import DisparityErrors, DisparityScore, di
 from pseudolidar.evaluation.disparity_report import DisparityReport
 from pseudolidar.evaluation.halves import FrameSamples, judge_halves, residuals
 from pseudolidar.evaluation.map_files import is_maps, paired_maps, read_map
-from pseudolidar.formats.rig_json import read_rig
 from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, Recognised
 from pseudolidar.running.progress import FrameProgress
-from pseudolidar.running.settings_schema import choice_name
+from pseudolidar.running.settings_schema import described
 from pseudolidar.running.stream import Skipped, stream
-from pseudolidar.sources.other_rig import with_rig
+from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSource
@@ -81,6 +80,7 @@ class Evaluate:
         exclude: not these.
         rig: calibration that replaces the source's cameras, a rig.json; a disparity correction in
             it is not used, as one is fitted here.
+        scale_calibration: scale the calibration where images have another size.
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
         workers: frames worked on at the same time; more than one disturbs the measured time.
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
@@ -93,6 +93,7 @@ class Evaluate:
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
     rig: Path | None = None
+    scale_calibration: bool = False
     min_depth: float = DEFAULT_MIN_DEPTH_M
     workers: Annotated[int, RUN_ONLY] = 1
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
@@ -170,7 +171,7 @@ def run(job: Evaluate) -> DisparityReport:
         )
     pixels = [frame.pixels for frame in judged]
     return DisparityReport(
-        subject=f"{choice_name(type(job.matcher))} on {source.summary.line}",
+        subject=f"{described(job.matcher)} on {source.summary.line}",
         score=DisparityScore([frame.errors for frame in judged]),
         raw=residuals(pixels, correction=None),
         halves=judge_halves(pixels, fit=fit),
@@ -183,8 +184,8 @@ def run(job: Evaluate) -> DisparityReport:
 def opened(job: Evaluate) -> FrameSource:
     """The frames that are asked for, with the rig that is asked for."""
     assert not isinstance(job.source, Maps)
-    source = select(job.source.open(), job.frames, job.exclude)
-    return source if job.rig is None else with_rig(source, read_rig(job.rig))
+    whole = opened_with_rig(job.source, job.rig, scale_calibration=job.scale_calibration)
+    return select(whole, job.frames, job.exclude)
 
 
 def compare_maps(job: Evaluate) -> DisparityReport:

@@ -5,14 +5,37 @@ from __future__ import annotations
 import datetime
 import re
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from pseudolidar.errors import CalibrationSizeMismatch, NotRectified, PseudolidarError
-from pseudolidar.formats.rig_json import rig_warnings
-from pseudolidar.sources.source import FrameSource, SourceSummary
+from pseudolidar.formats.rig_json import read_rig, rig_warnings
+from pseudolidar.sources.folder import Folders
+from pseudolidar.sources.source import FrameSource, SourceSettings, SourceSummary
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import StereoFrame
 
 _DATE = re.compile(r"(?<![0-9])([0-9]{4})[-_./]([0-9]{2})[-_./]([0-9]{2})(?![0-9])")
+
+
+def opened_with_rig(
+    settings: SourceSettings, rig: Path | None, *, scale_calibration: bool = False
+) -> FrameSource:
+    """Open a source; where a rig file is given, with that in place of its own calibration.
+
+    Args:
+        settings: the source; folders of pictures need no rig of their own then.
+        rig: a rig.json, or None.
+        scale_calibration: scale it to the images where they have another size.
+
+    Raises:
+        PseudolidarError: what opening the source, reading the file, or `with_rig` raises.
+    """
+    if rig is None:
+        return settings.open()
+    if isinstance(settings, Folders):
+        own = replace(settings, rig=str(rig), scale_calibration=scale_calibration)
+        return own.open()
+    return with_rig(settings.open(), read_rig(rig), scale_calibration=scale_calibration)
 
 
 def with_rig(

@@ -16,11 +16,15 @@ def grey8_pair(left: Image, right: Image) -> tuple[UInt8, UInt8]:
     16-bit images are shifted right by the same number of bits on both sides, the smallest that
     brings the brightest pixel of the pair into 8 bits; 8-bit images keep their values.
     """
-    shift = 0
-    if left.dtype == np.uint16:
-        brightest = int(max(left.max(), right.max()))
-        shift = max(0, brightest.bit_length() - 8)
+    shift = shift_to_8_bits(left, right)
     return _grey8(left, shift), _grey8(right, shift)
+
+
+def shift_to_8_bits(left: Image, right: Image) -> int:
+    """Bits that the brightest pixel of a pair has beyond 8; 0 for 8-bit images."""
+    if left.dtype == np.uint8:
+        return 0
+    return max(0, int(max(left.max(), right.max())).bit_length() - 8)
 
 
 def _grey8(image: Image, shift: int) -> UInt8:

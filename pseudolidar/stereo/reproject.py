@@ -10,6 +10,7 @@ import numpy as np
 
 from pseudolidar.errors import StereoConfig, StructureError
 from pseudolidar.geometry.triangulation import forward_offset_m
+from pseudolidar.stereo.grey import shift_to_8_bits
 from pseudolidar.structures.arrays import Float32, Float64, UInt8
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.cloud import PointCloud
@@ -186,11 +187,11 @@ def _image8(frame: StereoFrame) -> tuple[UInt8, Float32 | None]:
     if image.dtype == np.uint8:
         stacked = image[:, :, None] if image.ndim == 2 else image
         return np.ascontiguousarray(stacked, np.uint8), None
-    bits = max(8, int(max(image.max(), frame.right.max())).bit_length())
+    shift = shift_to_8_bits(image, frame.right)
     stacked = image[:, :, None] if image.ndim == 2 else image
     weights = LUMA if image.ndim == 3 else np.ones(1)
-    levels = (stacked @ weights / ((1 << bits) - 1)).astype(np.float32)
-    return np.ascontiguousarray(stacked >> (bits - 8), np.uint8), levels
+    levels = (stacked @ weights / ((256 << shift) - 1)).astype(np.float32)
+    return np.ascontiguousarray(stacked >> shift, np.uint8), levels
 
 
 def _thinned(cloud: PointCloud, voxel_m: float) -> PointCloud:

@@ -91,6 +91,13 @@ def test_frames_of_clouds(drive, tmp_path):
     assert not (tmp_path / "other").exists()
 
 
+def test_a_rig_file_serves_folders_that_have_none(own_drive, tmp_path):
+    rig = (own_drive / "rig.json").rename(tmp_path / "mine.json")
+    run(job(own_drive, tmp_path / "out", rig=rig, frames=FrameSelection.parse("0:1")))
+    cloud = read_pcd(tmp_path / "out" / "pcd" / "000000.pcd")
+    assert np.median(cloud.xyz[:, 2]) == pytest.approx(DEPTH_M, rel=0.02)
+
+
 def test_a_rig_file_replaces_the_calibration(drive, tmp_path):
     rig = json.loads((drive / "rig.json").read_text())
     (tmp_path / "rig.json").write_text(json.dumps(rig | {"baseline_m": 1.0}))
