@@ -14,7 +14,6 @@ from pseudolidar.formats.kitti import CAM_TO_CAM, write_raw_calib
 from pseudolidar.formats.rig_json import write_rig
 from pseudolidar.sources.kitti_raw import KittiRaw
 from pseudolidar.sources.kitti_stereo import KittiStereo
-from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.sgbm import Sgbm
 from pseudolidar.structures.camera import Camera, DisparityCorrection, StereoRig
 from pseudolidar.structures.disparity import DisparityMap
@@ -192,17 +191,3 @@ def test_the_known_answer_of_the_devkit(real_data, capsys):
     assert figures["bad_3"] == pytest.approx(0.04393, abs=5e-6)
     assert figures["d1_est"] == pytest.approx(0.04392, abs=5e-6)
     assert figures["epe"] == pytest.approx(0.697, abs=5e-4)
-
-
-@pytest.mark.real
-def test_the_default_matcher_on_kitti_stereo_2015(real_data):
-    figures = run(job(real_data / "kitti_stereo2015", matcher=Census())).as_dict()
-    assert figures["frames"] == 22
-    assert figures["d1_est"] < 0.0285
-    assert figures["density"] > 0.88
-    assert figures["epe"] < 0.85
-    assert figures["d1_filled"] < 0.0505
-    assert figures["within_1_sigma"] == pytest.approx(0.68, abs=0.05)
-    assert figures["within_95"] == pytest.approx(0.95, abs=0.03)
-    stock, refined = figures["depth"][4], figures["depth_refined"][4]
-    assert refined["median_rel"] < 0.06 < 0.09 < stock["median_rel"]
