@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -27,12 +27,14 @@ class KeyValues:
         values: (n,) float64 by key.
         lines: line number by key.
         hint: a question that helps to find out what went wrong where a key is missing.
+        texts: what stands behind keys that are not those of numbers.
     """
 
     path: Path
     values: Mapping[str, Float64]
     lines: Mapping[str, int]
     hint: str
+    texts: Mapping[str, str] = field(default_factory=dict)
 
     def __contains__(self, key: str) -> bool:
         return key in self.values
@@ -57,7 +59,7 @@ class KeyValues:
 def read_key_values(
     path: Path, counts: Mapping[str, int], *, hint: str = "", limits: Limits = DEFAULT_LIMITS
 ) -> KeyValues:
-    """Read a file of keyed numbers; keys that match none of `counts` are left unread.
+    """Read a file of keyed numbers; what stands behind other keys stays text.
 
     Args:
         path: the file.
@@ -72,6 +74,7 @@ def read_key_values(
     """
     values: dict[str, Float64] = {}
     lines: dict[str, int] = {}
+    texts: dict[str, str] = {}
     for line in read_lines(
         path, error=CalibrationSyntax, missing=CalibrationMissing, limits=limits
     ):
@@ -88,9 +91,11 @@ def read_key_values(
             )
         lines[key] = line.number
         count = next((n for form, n in counts.items() if re.fullmatch(form, key)), None)
-        if count is not None:
+        if count is None:
+            texts[key] = line.text[end:].strip(" \t")
+        else:
             values[key] = np.array(_numbers(line, key, end, count))
-    return KeyValues(path, values, lines, hint)
+    return KeyValues(path, values, lines, hint, texts)
 
 
 def _key_of(line: TextLine) -> tuple[str, int]:

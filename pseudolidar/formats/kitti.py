@@ -191,9 +191,10 @@ def read_raw_calib(
         {n: cameras.values[f"P_rect_0{n}"].reshape(3, 4) for n in numbers},
         velodyne,
         imu,
-        _sizes_px(cameras, "S_rect_0"),
-        _sizes_px(cameras, "S_0"),
-        tuple(notes),
+        sizes_px=_sizes_px(cameras, "S_rect_0"),
+        raw_sizes_px=_sizes_px(cameras, "S_0"),
+        notes=tuple(notes),
+        made=cameras.texts.get("calib_time", ""),
     )
 
 

@@ -40,6 +40,8 @@ class KittiCalibration:
         sizes_px: (width, height) by camera number, where the file has them.
         raw_sizes_px: those before rectification.
         notes: what is odd about it.
+        date: day of the drives that it is for, such as `2011_09_26`, where it is known.
+        made: when it was computed, as the file says it.
     """
 
     path: Path
@@ -49,6 +51,14 @@ class KittiCalibration:
     sizes_px: Mapping[int, tuple[int, int]] = field(default_factory=dict)
     raw_sizes_px: Mapping[int, tuple[int, int]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    date: str = ""
+    made: str = ""
+
+    @property
+    def described(self) -> str:
+        """Which calibration it is, in words: file, date, time of making."""
+        of_date = f" of {self.date}" if self.date else ""
+        return f"{self.path.name}{of_date}" + (f", made {self.made}" if self.made else "")
 
     def T_left_cam0(self, left: int) -> Pose:
         """Pose of rectified camera 0 in the left camera, number `left`.
@@ -79,7 +89,7 @@ class KittiCalibration:
                 T_right_left=Pose.from_rotation("camera_right", "camera_left", np.eye(3), offset_m),
                 T_left_velodyne=None if velodyne is None else T_left_cam0 @ velodyne,
                 T_velodyne_imu=self.T_velodyne_imu,
-                origin=f"{self.path.name}, cameras {left} and {right}",
+                origin=f"{self.described}, cameras {left} and {right}",
             )
         except PseudolidarError as error:
             error.located(self.path)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pseudolidar.errors import CalibrationMissing, NotRectified, SourceUnknown
@@ -111,7 +111,7 @@ class KittiRaw:
                 *pairs.notes,
                 *times.notes,
                 *calibration.notes,
-                *_date_note(drive),
+                *_date_note(drive, calibration),
                 *stray_note("velodyne", scans, numbers),
             ),
             first_oxts=first_oxts,
@@ -175,7 +175,8 @@ def _calibration(drive: Path, limits: Limits) -> tuple[KittiCalibration, tuple[s
     optional = [folder / VELO_TO_CAM, folder / IMU_TO_VELO]
     absent = tuple(f"calibration {path.name}" for path in optional if not path.is_file())
     velo, imu = (path if path.is_file() else None for path in optional)
-    return read_raw_calib(folder / CAM_TO_CAM, velo, imu, limits=limits), absent
+    calibration = read_raw_calib(folder / CAM_TO_CAM, velo, imu, limits=limits)
+    return replace(calibration, date=_date_of(folder)), absent
 
 
 def _refuse_unrectified(
@@ -227,9 +228,15 @@ def _first_oxts(
     return read_oxts(first, limits=limits)
 
 
-def _date_note(drive: Path) -> tuple[str, ...]:
-    """Whether the drive lies in another date's folder, and so beside another calibration."""
-    own, beside = DATE.match(drive.name), DATE.fullmatch(drive.resolve().parent.name)
-    if own is None or beside is None or own[0] == beside[0]:
+def _date_note(drive: Path, calibration: KittiCalibration) -> tuple[str, ...]:
+    """Whether the drive is of another date than the calibration."""
+    own = _date_of(drive)
+    if not own or not calibration.date or own == calibration.date:
         return ()
-    return (f"calibration: of {beside[0]}, while the drive is of {own[0]}",)
+    return (f"calibration: of {calibration.date}, while the drive is of {own}",)
+
+
+def _date_of(folder: Path) -> str:
+    """Date in the name of a drive or of the folder of a day, or nothing."""
+    match = DATE.match(folder.resolve().name)
+    return match[0] if match else ""

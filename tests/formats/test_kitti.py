@@ -166,6 +166,7 @@ def test_raw_round_trip(tmp_path):
     assert_same_rig(calibration.rig(COLOUR), rig)
     np.testing.assert_array_equal(calibration.T_velodyne_imu.matrix, rig.T_velodyne_imu.matrix)
     assert calibration.sizes_px[2] == SIZE_PX
+    assert "made 09-Jan-2012 13:57:47" in calibration.rig(COLOUR).origin
 
 
 def test_odometry_without_velodyne(tmp_path):

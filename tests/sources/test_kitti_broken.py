@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import datetime
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +39,7 @@ from pseudolidar.sources.kitti_object import KittiObject
 from pseudolidar.sources.kitti_odometry import KittiOdometry
 from pseudolidar.sources.kitti_raw import KittiRaw
 from pseudolidar.sources.kitti_stereo import KittiStereo
+from pseudolidar.sources.other_rig import calibration_date, with_rig
 from pseudolidar.structures.box import Box3D, Detection, Label
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.disparity import DisparityMap
@@ -399,6 +402,16 @@ def test_calibration_of_another_date_is_noted(raw):
     raw.parent.rename(moved)
     source = KittiRaw(str(moved / DRIVE)).open()
     assert any("2026_01_03" in note for note in source.summary.notes)
+    assert calibration_date(source.rig.origin) == datetime.date(2026, 1, 3)
+
+
+def test_rig_of_another_day_is_warned(raw):
+    source = KittiRaw(str(raw)).open()
+    assert calibration_date(source.rig.origin) == datetime.date(2026, 1, 2)
+    other = replace(source.rig, origin="refined on 2026_02_01")
+    for rig, warned in ((source.rig, False), (other, True)):
+        notes = with_rig(source, rig).summary.notes
+        assert any("warning" in note for note in notes) == warned
 
 
 # --- times ---------------------------------------------------------------------------------------
