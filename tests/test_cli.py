@@ -111,6 +111,15 @@ def test_a_choice_may_be_none(capsys: pytest.CaptureFixture[str]) -> None:
             {"kind": "world", "name": "room", "seed": 3, "rain": True},
         ),
         (["kitti/a", "--source.camera", "grey"], {**KITTI, "camera": "grey"}),
+        (["kitti/a", "--camera=grey"], {**KITTI, "camera": "grey"}),
+        (
+            ["--rain", "world:room", "--seed", "3"],
+            {"kind": "world", "name": "room", "seed": 3, "rain": True},
+        ),
+        (
+            ["--rain", "world:room", "--source.no-rain"],
+            {"kind": "world", "name": "room", "seed": 0, "rain": False},
+        ),
         (
             ["--source", "kitti-raw", "world:x", "--source.camera=grey"],
             {"kind": "kitti-raw", "path": "world:x", "camera": "grey"},
@@ -129,6 +138,18 @@ def test_a_source_is_recognised_or_forced(
     assert (settings["source"], settings["out"]) == (source, "out")
 
 
+def test_the_verbs_own_flags_win_over_those_of_the_source() -> None:
+    from pseudolidar.pipelines.convert import Convert
+
+    from pseudolidar.commandline.bare_flags import bare_flags
+
+    flags = bare_flags(Convert)
+    assert {"--sequence", "--camera", "--rate", "--left-pattern"} <= set(flags)
+    assert flags["--rate"] == "--source.rate"
+    # The selection of frames, the rig and its scaling are the verb's; SOURCE itself is no flag.
+    assert not {"--frames", "--rig", "--scale-calibration", "--path", "--json"} & set(flags)
+
+
 def test_values_with_a_constructor_from_text(capsys: pytest.CaptureFixture[str]) -> None:
     assert settings_of(capsys, "kitti/a", "--to", "ply,mcap")["to"] == "ply,mcap"
 
@@ -141,6 +162,8 @@ def test_values_with_a_constructor_from_text(capsys: pytest.CaptureFixture[str])
         (["kitti", "--wokers", "2"], "Did you mean '--workers'"),
         (["kitti", "--matcher.block-size", "3"], "--matcher block-match"),
         (["world:room", "--source.name", "street"], "given by SOURCE"),
+        (["world:room", "--camera", "grey"], "--source kitti-raw"),
+        (["world:room", "--sead", "3"], "Did you mean '--seed'"),
         (["kitti", "--matcher", "census:best"], "--matcher.quality"),
         (["kitti", "--matcher", "nothing:3"], "no value after a colon"),
         (["kitti", "--workers", "two"], "--workers"),
@@ -288,7 +311,7 @@ def test_indented_lines_of_a_docstring_are_examples() -> None:
 def test_help_of_a_source_shows_its_flags(capsys: pytest.CaptureFixture[str]) -> None:
     for args in (["world:room", "--help"], ["--help", "--source", "world"]):
         assert main(job(*args)) == 0
-        assert "--source.rain" in capsys.readouterr().out
+        assert "--rain, --no-rain" in capsys.readouterr().out
     assert main(job("nowhere", "--help")) == 0
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import enum
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, replace
+from types import MappingProxyType
 from typing import Any, get_args, get_origin
 
 from pseudolidar.commandline.arguments import (
@@ -14,6 +16,7 @@ from pseudolidar.commandline.arguments import (
     take_value,
     wants_help,
 )
+from pseudolidar.commandline.bare_flags import bare_flags, renamed
 from pseudolidar.commandline.verbs import did_you_mean
 from pseudolidar.errors import PseudolidarError, UsageError
 from pseudolidar.running.settings_schema import (
@@ -53,10 +56,17 @@ class Entry:
 
 @dataclass(frozen=True)
 class Node:
-    """A settings class whose choices are made."""
+    """A settings class whose choices are made.
+
+    Args:
+        cls: the class.
+        entries: its fields.
+        bare: flags below it that need no prefix: their names with it, by those without.
+    """
 
     cls: type
     entries: tuple[Entry, ...]
+    bare: Mapping[str, str] = MappingProxyType({})
 
     @property
     def awaited(self) -> SettingsField | None:
@@ -79,6 +89,8 @@ def resolve(cls: type, args: list[str], given: object = None) -> Node:
     Raises:
         UsageError: a choice is unknown; the nearest is named.
     """
+    bare = bare_flags(cls)
+    args[:] = renamed(args, bare)
     node = _resolve(cls, args, given, prefix="")
     by_place = [entry for entry in node.entries if entry.filled_by is FilledBy.PLACE]
     entries = [
@@ -87,7 +99,7 @@ def resolve(cls: type, args: list[str], given: object = None) -> Node:
         else entry
         for entry in node.entries
     ]
-    node = Node(cls, tuple(entries))
+    node = Node(cls, tuple(entries), bare)
     _refuse_unknown_flags(args, node)
     return node
 
@@ -177,8 +189,9 @@ def _refuse_unknown_flags(args: list[str], node: Node) -> None:
     """Name the nearest flag, or the choice that a flag belongs to where it is not the chosen."""
     filled = _filled_by_text(node)
     here = [name for name in [*_values_of(node, others=False), "--help"] if name not in filled]
+    short = {name: bare for bare, name in node.bare.items()}
     for name in flag_names(args):
-        if name in here or name.replace("--no-", "--", 1) in here:
+        if name in here or name.replace("--no-", "--").replace(".no-", ".") in here:
             continue
         if name in filled:
             place = name[2:].partition(".")[0].upper()
@@ -186,8 +199,10 @@ def _refuse_unknown_flags(args: list[str], node: Node) -> None:
         if owners := _owners(node, name):
             path, choices = owners[0]
             fix = f"It belongs to --{path} {' or '.join(choices)}."
-            raise UsageError(f"{name} is not a setting of the chosen --{path}", fix=fix)
-        fix = did_you_mean(name, here) or "See --help for all flags."
+            shown = short.get(name, name)
+            raise UsageError(f"{shown} is not a setting of the chosen --{path}", fix=fix)
+        near = [short.get(flag, flag) for flag in here]
+        fix = did_you_mean(name, near) or "See --help for all flags."
         raise UsageError(f"there is no flag {name}", fix=fix)
 
 

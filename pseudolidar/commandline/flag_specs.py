@@ -34,12 +34,22 @@ class Placeholder:
 
     node: ClassVar[Node]
     root: ClassVar[bool]
+    bare: ClassVar[frozenset[str]]
 
 
-def placeholder(node: Node, *, root: bool = False) -> type[Placeholder]:
-    """The type that stands for a node; the root also shows the flags of every verb."""
+def placeholder(
+    node: Node, *, root: bool = False, bare: frozenset[str] = frozenset()
+) -> type[Placeholder]:
+    """The type that stands for a node.
+
+    Args:
+        node: the node.
+        root: whether it also shows the flags of every verb.
+        bare: flags of the node that are written without its prefix.
+    """
     doc = class_doc(node.cls).summary
-    return type(node.cls.__name__, (Placeholder,), {"node": node, "root": root, "__doc__": doc})
+    members = {"node": node, "root": root, "bare": bare, "__doc__": doc}
+    return type(node.cls.__name__, (Placeholder,), members)
 
 
 def specs_of(kind: type[Placeholder]) -> tuple[StructFieldSpec, ...]:
@@ -48,7 +58,7 @@ def specs_of(kind: type[Placeholder]) -> tuple[StructFieldSpec, ...]:
     specs = [
         spec
         for entry in kind.node.entries
-        for spec in _specs(entry, docs.get(entry.field.name, ""))
+        for spec in _specs(entry, docs.get(entry.field.name, ""), kind)
     ]
     return (*specs, *(_common_specs() if kind.root else ()))
 
@@ -58,29 +68,37 @@ def text_name(field: SettingsField) -> str:
     return f"{field.name}__text"
 
 
-def _specs(entry: Entry, help_text: str) -> list[StructFieldSpec]:
+def _specs(entry: Entry, help_text: str, parent: type[Placeholder]) -> list[StructFieldSpec]:
     if entry.filled_by in (FilledBy.RECOGNITION, FilledBy.OUTER_TEXT):
         return []
     if not entry.field.choices and entry.chosen is None:
-        return [_plain(entry, help_text)]
+        return [_plain(entry, help_text, bare=entry.field.flag in parent.bare)]
     specs = []
     if entry.filled_by is FilledBy.PLACE:
         specs.append(_text_by_place(entry, help_text))
         help_text = _FORCE_HELP
     if entry.field.choices:
         specs.append(_chooser(entry, help_text))
-    if entry.chosen is not None and any(_specs(below, "") for below in entry.chosen.entries):
-        specs.append(StructFieldSpec(entry.field.name, placeholder(entry.chosen), _ABSENT))
+    if entry.chosen is not None:
+        chosen = placeholder(entry.chosen, bare=_bare_below(entry, parent.node))
+        if any(_specs(below, "", chosen) for below in entry.chosen.entries):
+            specs.append(StructFieldSpec(entry.field.name, chosen, _ABSENT))
     return specs
 
 
-def _plain(entry: Entry, help_text: str) -> StructFieldSpec:
-    kind = _kind(entry)
+def _bare_below(entry: Entry, node: Node) -> frozenset[str]:
+    prefix = f"--{entry.field.flag}."
+    below = (name.removeprefix(prefix) for name in node.bare.values() if name.startswith(prefix))
+    return frozenset(below)
+
+
+def _plain(entry: Entry, help_text: str, *, bare: bool) -> StructFieldSpec:
+    kind = _kind(entry, bare=bare)
     default = _ABSENT if entry.default is MISSING else entry.default
     return StructFieldSpec(entry.field.name, kind, default, help_text)
 
 
-def _kind(entry: Entry) -> Any:
+def _kind(entry: Entry, *, bare: bool) -> Any:
     """The type of a field with what tyro needs to know: its parser, place, metavar, hint."""
     field, by_place = entry.field, entry.filled_by is FilledBy.PLACE
     metavar = _metavar(field)
@@ -88,7 +106,12 @@ def _kind(entry: Entry) -> Any:
         name = metavar if metavar and metavar[0] == "{" else field.flag.upper()
         metavar = name if entry.default is MISSING else f"[{name}]"
     hint = "(optional)" if entry.default is None else None
-    argument = tyro.conf.arg(metavar=metavar, help_behavior_hint=hint)
+    argument = tyro.conf.arg(
+        name=None if by_place else field.flag,
+        prefix_name=False if bare else None,
+        metavar=metavar,
+        help_behavior_hint=hint,
+    )
     kind: Any = Annotated[_parsed(field), argument]
     return Annotated[kind, tyro.conf.Positional] if by_place else kind
 

@@ -13,6 +13,7 @@ from typing import Any
 import tyro
 from tyro.constructors import ConstructorRegistry, StructConstructorSpec, StructTypeInfo
 
+from pseudolidar.commandline.bare_flags import renamed
 from pseudolidar.commandline.choices import Entry, FilledBy, Node
 from pseudolidar.commandline.flag_specs import Placeholder, placeholder, specs_of, text_name
 from pseudolidar.commandline.streams import forget_reader
@@ -31,6 +32,7 @@ def parse_settings(node: Node, args: list[str], *, prog: str, description: str) 
     """
     registry = ConstructorRegistry()
     registry.struct_rule(_placeholder_rule)
+    args = renamed(args, {name: bare for bare, name in node.bare.items()})
     message = io.StringIO()
     try:
         with contextlib.redirect_stderr(message):

@@ -36,8 +36,8 @@ class SettingsField:
 
     @property
     def flag(self) -> str:
-        """Name on the command line, without dashes."""
-        return self.name.replace("_", "-")
+        """Name on the command line, without dashes; rates are in Hz and need not say so."""
+        return self.name.removesuffix("_hz").replace("_", "-")
 
     @property
     def recognised(self) -> Recognised | None:

@@ -44,7 +44,7 @@ def recognise(path: str) -> Source:
         seen_in(place) if place.is_dir() else f"a file of {place.stat().st_size} bytes",
         want=LOOKED_FOR,
         fix="Name its kind by --source, or its pictures by --source folders "
-        "--source.left-pattern 'a_*.png' --source.right-pattern 'b_*.png'.",
+        "--left-pattern 'a_*.png' --right-pattern 'b_*.png'.",
         path=path,
     )
 
