@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import enum
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, replace
-from types import MappingProxyType
 from typing import Any, get_args, get_origin
 
 from pseudolidar.commandline.arguments import (
@@ -66,7 +66,7 @@ class Node:
 
     cls: type
     entries: tuple[Entry, ...]
-    bare: Mapping[str, str] = MappingProxyType({})
+    bare: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     @property
     def awaited(self) -> SettingsField | None:
