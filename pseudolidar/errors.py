@@ -5,6 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
+# Process status of a run without an error: all frames done, or some skipped and reported.
+ALL_DONE, SOME_SKIPPED = 0, 4
+
 
 class PseudolidarError(Exception):
     """Base of all errors this package raises on purpose.
@@ -120,10 +123,6 @@ class PairIdentical(PseudolidarError):
     """Left and right are the same image."""
 
 
-class PairSwapped(PseudolidarError):
-    """Left and right are exchanged."""
-
-
 class NotRectified(PseudolidarError):
     """Rows of the pair are not aligned."""
 
@@ -237,13 +236,7 @@ class MissingDependency(EnvironmentFault):
     """A library or system component is absent or does not load."""
 
 
-# --- workers (6) ---------------------------------------------------------------------------
-
-
-class WorkerLost(PseudolidarError):
-    """A worker died and its retries were used up."""
-
-    exit_code = 6
+# --- interrupted (130) ---------------------------------------------------------------------
 
 
 class Interrupted(PseudolidarError):

@@ -9,6 +9,7 @@ import numpy as np
 from pseudolidar.errors import CalibrationValue
 from pseudolidar.structures.arrays import Float64, Int64
 from pseudolidar.structures.camera import DisparityCorrection
+from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
 from pseudolidar.structures.samples import DisparitySamples
 
 # Fewer than this cannot tell eight coefficients from noise that is correlated over some pixels.
@@ -33,8 +34,6 @@ FOLDS = 5
 # Medians of blocks of a frame: columns of the image times bands of disparity, px.
 BLOCK_COLUMNS, BLOCK_BANDS_PX = 4, (0.0, 10.0, 20.0, 40.0, np.inf)
 MIN_BLOCK_SAMPLES = 200
-# Share of a normal distribution within one standard deviation.
-ONE_SIGMA = 0.6827
 # A single frame cannot show how frames differ; KITTI frames drift by 0.1-0.2 px against each other.
 ONE_FRAME_RESIDUAL_PX = 0.2
 
@@ -88,7 +87,7 @@ def _coefficients(samples: DisparitySamples) -> Float64:
     coefficients[0] = np.median(error)
     for _ in range(MAX_ITERATIONS):
         ratio = np.abs(error - features @ coefficients) / spread
-        scale = max(MIN_SCALE_PX, float(np.quantile(ratio, ONE_SIGMA)))
+        scale = max(MIN_SCALE_PX, float(np.quantile(ratio, ONE_SIGMA_SHARE)))
         weight = precision / (1.0 + (ratio / (CAUCHY_PER_SIGMA * scale)) ** 2)
         weighted = features * (weight / weight.sum())[:, None]
         prior = scale**2 / (precision.mean() * independent * PRIOR_PX**2)
@@ -141,4 +140,4 @@ def _block_medians(samples: DisparitySamples, coefficients: Float64) -> Iterator
 
 
 def _one_sigma(medians: list[float]) -> float:
-    return float(np.quantile(np.abs(medians), ONE_SIGMA)) if medians else 0.0
+    return float(np.quantile(np.abs(medians), ONE_SIGMA_SHARE)) if medians else 0.0

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.errors import ReferenceMissing, StructureError
-from pseudolidar.structures.arrays import Float32
+from pseudolidar.structures.arrays import Bool, Float32, Float64
 from pseudolidar.structures.disparity import DisparityMap
 
 # An outlier is off by more than both. Source: Menze & Geiger, Object Scene Flow for Autonomous
@@ -91,7 +91,7 @@ def disparity_errors(estimate: DisparityMap, truth: DisparityMap) -> DisparityEr
     )
 
 
-def _outliers(error_px: np.ndarray, true_px: np.ndarray) -> np.ndarray:
+def _outliers(error_px: Float64, true_px: Float64) -> Bool:
     """D1 outliers; a pixel that even filling left empty (NaN) is one."""
     return ~(error_px <= D1_PX) & ~(error_px <= D1_REL * true_px)
 

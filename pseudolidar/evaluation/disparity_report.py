@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from pseudolidar.errors import ALL_DONE, SOME_SKIPPED
 from pseudolidar.evaluation.disparity import BAD_PX, DisparityErrors, DisparityScore
 from pseudolidar.evaluation.halves import HalvesJudgement, Residuals
 from pseudolidar.evaluation.ranges import RangeErrors
 from pseudolidar.evaluation.sigma import SigmaShares
-
-ALL_DONE, SOME_SKIPPED = 0, 4
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pseudolidar.evaluation.disparity import D1_PX, D1_REL
 from pseudolidar.structures.arrays import AnyArray, Float32, UInt8
 
 # Colour of pixels without a value.
@@ -23,7 +24,6 @@ ERROR_COLOURS = (
     (215, 48, 39),
     (165, 0, 38),
 )
-D1_PX, D1_RELATIVE = 3.0, 0.05
 
 
 def turbo(values: AnyArray, low: float, high: float) -> UInt8:
@@ -52,7 +52,7 @@ def error_picture(disparity: Float32, truth: Float32) -> UInt8:
     Source: KITTI stereo 2015, error images of the development kit.
     """
     known = np.isfinite(truth)
-    threshold = np.maximum(D1_PX, D1_RELATIVE * np.nan_to_num(truth))
+    threshold = np.maximum(D1_PX, D1_REL * np.nan_to_num(truth))
     error = np.nan_to_num(np.abs(disparity - truth) / threshold)
     steps = np.searchsorted(ERROR_STEPS, error, side="left").astype(np.float32)
     steps[known & ~np.isfinite(disparity)] = len(ERROR_COLOURS)

@@ -10,10 +10,8 @@ import numpy as np
 
 from pseudolidar.evaluation.ranges import RANGE_BINS_M
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.disparity import RADIUS_95_PER_SIGMA
+from pseudolidar.structures.disparity import ONE_SIGMA_SHARE, RADIUS_95_PER_SIGMA
 
-# Share of errors that one standard deviation must hold: that of a normal distribution.
-ONE_SIGMA_SHARE = 0.6827
 # Steps of the sparsification curve.
 SPARSIFICATION_STEPS = 20
 

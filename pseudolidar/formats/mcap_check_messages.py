@@ -14,8 +14,8 @@ from mcap.records import Schema
 
 from pseudolidar.errors import RecordingError
 from pseudolidar.formats.mcap_points import NUMERIC_TYPES
-from pseudolidar.formats.mcap_protobuf import NS_PER_S
 from pseudolidar.formats.mcap_records import RawMessage, broken
+from pseudolidar.formats.timestamps import NS_PER_S
 
 # A quaternion stored as float64 is a unit to rounding; viewers normalise, but refuse zero.
 UNIT_TOLERANCE = 1e-6

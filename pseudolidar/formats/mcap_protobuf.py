@@ -7,9 +7,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from pseudolidar.errors import SequenceTime
+from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.structures.arrays import AnyArray
 
-NS_PER_S = 1_000_000_000
 # Wire type of a length-delimited field (protobuf encoding specification).
 LENGTH_DELIMITED = 2
 

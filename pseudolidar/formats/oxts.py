@@ -12,6 +12,7 @@ from pseudolidar.errors import PoseFileError
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.text import read_lines
+from pseudolidar.geometry.frames import BASE_LINK, MAP
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.pose import Pose
 
@@ -78,8 +79,8 @@ def body_pose(packet: OxtsPacket, first: OxtsPacket) -> Pose:
         cosine of the first latitude).
     """
     scale = math.cos(math.radians(first.latitude_deg))
-    T_world_first = Pose(FRAME_WORLD, "map", _matrix(first, scale))
-    return T_world_first.inverse() @ Pose(FRAME_WORLD, "base_link", _matrix(packet, scale))
+    T_world_first = Pose(FRAME_WORLD, MAP, _matrix(first, scale))
+    return T_world_first.inverse() @ Pose(FRAME_WORLD, BASE_LINK, _matrix(packet, scale))
 
 
 def packet_at(T_map_base_link: Pose, first: OxtsPacket) -> OxtsPacket:

@@ -10,6 +10,7 @@ from pseudolidar.errors import PoseFileError
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.text import read_lines
+from pseudolidar.geometry.frames import BASE_LINK, MAP
 from pseudolidar.structures.arrays import Float64, check_array
 from pseudolidar.structures.pose import ROTATION_TOLERANCE, Pose, rotation_error
 
@@ -53,7 +54,7 @@ def body_poses(T_cam0_cam0: Float64, T_base_link_cam0: Pose) -> tuple[Pose, ...]
     """
     B = T_base_link_cam0.matrix
     B_inverse = T_base_link_cam0.inverse().matrix
-    return tuple(Pose("map", "base_link", B @ T @ B_inverse) for T in T_cam0_cam0)
+    return tuple(Pose(MAP, BASE_LINK, B @ T @ B_inverse) for T in T_cam0_cam0)
 
 
 def camera_poses(T_map_base_link: tuple[Pose, ...], T_base_link_cam0: Pose) -> Float64:

@@ -8,11 +8,12 @@ import re
 from collections.abc import Iterable
 from decimal import Decimal
 
+from pseudolidar.formats.timestamps import NS_PER_S
+
 # Times of day that names of recordings state, s since 1970: the years 2000 to 2100.
 EARLIEST_S, LATEST_S = 946_684_800, 4_102_444_800
 # What one unit of a stamp is, ns, by the digits before its decimal point.
 STAMP_UNITS_NS = {18: 1, 19: 1, 15: 1_000, 16: 1_000, 12: 1_000_000, 13: 1_000_000}
-SECONDS_NS = 1_000_000_000
 _STAMP = re.compile(r"([0-9]{9,19})(\.[0-9]+)?")
 
 # A file name has at most 255 bytes; the rest is for extensions and temporary names.
@@ -61,8 +62,8 @@ def _unit_ns(name: str) -> int | None:
     match = _STAMP.fullmatch(name)
     if match is None:
         return None
-    unit_ns = STAMP_UNITS_NS.get(len(match[1]), SECONDS_NS)
-    seconds = Decimal(name) * unit_ns / SECONDS_NS
+    unit_ns = STAMP_UNITS_NS.get(len(match[1]), NS_PER_S)
+    seconds = Decimal(name) * unit_ns / NS_PER_S
     return unit_ns if EARLIEST_S <= seconds <= LATEST_S else None
 
 

@@ -10,7 +10,9 @@ import numpy as np
 
 from pseudolidar.errors import PseudolidarError, SourceUnknown, UsageError
 from pseudolidar.geometry.beams import HDL64_AZIMUTH_STEP_DEG, hdl64
+from pseudolidar.geometry.frames import BASE_LINK, MAP
 from pseudolidar.sources.source import SourceSummary
+from pseudolidar.sources.stamps import FrameTimes, synthetic_times
 from pseudolidar.sources.worlds.flight import Flight
 from pseudolidar.sources.worlds.labelling import labels_of
 from pseudolidar.sources.worlds.photometry import Photometry
@@ -32,8 +34,6 @@ WORLDS: dict[str, type[Street] | type[Room] | type[Flight]] = {
     "room": Room,
     "flight": Flight,
 }
-# A source without a clock starts one second after the epoch: zero means "no time" to some readers.
-START_NS = 1_000_000_000
 # Smaller images hold nothing that a matcher could work on.
 SMALLEST_PX = (64, 32)
 # Random numbers of a frame: one stream each.
@@ -150,9 +150,7 @@ class SyntheticSource:
             f"synthetic {self.name}, seed {self.settings.seed}: {self.settings.frames} rendered "
             f"frames of {self.width_px}x{self.height_px} with exact truth"
         )
-        return SourceSummary(
-            "synthetic", f"synthetic:{self.name}", line, notes=("time: synthetic",)
-        )
+        return SourceSummary("synthetic", f"synthetic:{self.name}", line, notes=self._times.notes)
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -162,7 +160,7 @@ class SyntheticSource:
     @property
     def timestamps_ns(self) -> tuple[int, ...]:
         """One second, then by the rate."""
-        return tuple(self._time_ns(i) for i in range(self.settings.frames))
+        return self._times.timestamps_ns
 
     @property
     def refused(self) -> tuple[tuple[str, PseudolidarError], ...]:
@@ -179,7 +177,7 @@ class SyntheticSource:
         """`T_map_base_link`; `map` is `base_link` (the Velodyne) of frame 0."""
         T_world_map = self.world.T_world_base(0.0)
         matrix = np.linalg.inv(T_world_map) @ self.world.T_world_base(self._time_s(index))
-        return Pose("map", "base_link", matrix) if index else Pose.identity("map", "base_link")
+        return Pose(MAP, BASE_LINK, matrix) if index else Pose.identity(MAP, BASE_LINK)
 
     def load(self, index: int) -> StereoFrame:
         """Render frame `index`: pictures, scan, labels, pose and exact disparity."""
@@ -192,13 +190,13 @@ class SyntheticSource:
             rig=self.rig,
             id=self.ids[index],
             index=index,
-            timestamp_ns=self._time_ns(index),
+            timestamp_ns=self.timestamps_ns[index],
             scan=scan(
                 scene,
                 self.world.T_world_base(self._time_s(index)),
                 hdl64(self._azimuth_step_deg),
                 self.settings.scan,
-                timestamp_ns=self._time_ns(index),
+                timestamp_ns=self.timestamps_ns[index],
                 rng=self._rng(index, LIDAR),
             ),
             labels=labels_of(scene, left, self.rig.left, self._T_world_eye(index, right=False)),
@@ -254,8 +252,9 @@ class SyntheticSource:
     def _time_s(self, index: int) -> float:
         return index / self.settings.rate_hz
 
-    def _time_ns(self, index: int) -> int:
-        return START_NS + round(index * 1e9 / self.settings.rate_hz)
+    @functools.cached_property
+    def _times(self) -> FrameTimes:
+        return synthetic_times(range(self.settings.frames), self.settings.rate_hz)
 
     def _rng(self, index: int, stream: int) -> np.random.Generator:
         return np.random.default_rng([self.settings.seed, index, stream])

@@ -8,6 +8,8 @@ import numpy as np
 
 from pseudolidar.structures.arrays import Bool, Float32, check_array
 
+# Share of errors that one sigma holds: that of a normal distribution.
+ONE_SIGMA_SHARE = 0.6827
 # Ratio of the 95 % radius to sigma (68 %). Errors have heavy tails: a Gaussian would have 1.96.
 # Measured on KITTI stereo 2015, 2026-11-23.
 RADIUS_95_PER_SIGMA = 2.8

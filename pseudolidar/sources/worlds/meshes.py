@@ -45,12 +45,6 @@ class Mesh:
         T[:3, :3] *= scale
         return self.moved(T)
 
-    def seeded(self, seed: int) -> Mesh:
-        """The same shape with another texture."""
-        kind = self.kind.copy()
-        kind[:, 1] = seed
-        return replace(self, kind=kind)
-
     def owned(self, number: int) -> Mesh:
         """The same shape as object `number`."""
         kind = self.kind.copy()
