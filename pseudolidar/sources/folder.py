@@ -27,7 +27,7 @@ from pseudolidar.sources.folder_layout import (
 )
 from pseudolidar.sources.names import safe_id
 from pseudolidar.sources.source import SourceSummary
-from pseudolidar.sources.stamps import START_NS, FrameTimes, read_frame_times, synthetic_times
+from pseudolidar.sources.stamps import FrameTimes, read_frame_times, synthetic_times
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import StereoFrame
 
@@ -117,8 +117,7 @@ class Folders:
             raise SourceEmpty(
                 f"no pair of pictures among {seen_in(folder)}",
                 want="folders left and right, or names with left and right, _l and _r, im0 and im1",
-                fix="Name the pictures: --source.left-pattern 'a_*.png' "
-                "--source.right-pattern 'b_*.png'.",
+                fix="Name the pictures: --left-pattern 'a_*.png' --right-pattern 'b_*.png'.",
                 path=folder,
             )
         return layout
@@ -218,8 +217,8 @@ def _read_rigs(settings: Folders, layout: Layout) -> tuple[StereoRig, ...]:
         files = [pair.left.parent / RIG_FILE for pair in layout.pairing.pairs]
         if any(file.exists() for file in files):
             chosen = [file if file.exists() else common for file in files]
-            return tuple(_rectified_rig(file, Path(settings.path)) for file in chosen)
-    return (_rectified_rig(common, Path(settings.path)),)
+            return tuple(_rectified_rig(file, settings) for file in chosen)
+    return (_rectified_rig(common, settings),)
 
 
 def _common_rig_file(settings: Folders, layout: Layout) -> Path | None:
@@ -230,10 +229,10 @@ def _common_rig_file(settings: Folders, layout: Layout) -> Path | None:
     return next((place / RIG_FILE for place in places if (place / RIG_FILE).exists()), None)
 
 
-def _rectified_rig(file: Path | None, folder: Path) -> StereoRig:
+def _rectified_rig(file: Path | None, settings: Folders) -> StereoRig:
     if file is None:
-        raise missing_rig(folder / RIG_FILE)
-    rig = read_rig(file)
+        raise missing_rig(Path(settings.path) / RIG_FILE)
+    rig = read_rig(file, limits=settings.limits)
     if not rig.is_rectified:
         raise NotRectified(
             "a rig of unrectified cameras",
@@ -256,11 +255,8 @@ def _times(settings: Folders, layout: Layout) -> FrameTimes:
     file = _times_file(settings, layout)
     if file is None:
         return synthetic_times(numbers, settings.rate_hz)
-    times = read_frame_times(file, read_times(file), numbers)
-    if times.timestamps_ns[0] > 0:
-        return times
-    later = tuple(START_NS + stamp for stamp in times.timestamps_ns)
-    return FrameTimes(later, ("time: 1 s added, as times start at 0", *times.notes))
+    times = read_frame_times(file, read_times(file, limits=settings.limits), numbers)
+    return times if times.timestamps_ns[0] > 0 else times.after_zero()
 
 
 def _times_file(settings: Folders, layout: Layout) -> Path | None:

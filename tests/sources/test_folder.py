@@ -136,7 +136,7 @@ def test_numbered_frames_of_one_camera_are_no_pair(tmp_path: Path) -> None:
     with pytest.raises(SourceEmpty) as caught:
         Folders(str(tmp_path)).open()
     assert "4 pictures" in caught.value.got
-    assert "--source.left-pattern" in caught.value.fix
+    assert "--left-pattern" in caught.value.fix
 
 
 def test_two_folders_given(tmp_path: Path) -> None:
@@ -291,7 +291,7 @@ def test_times_from_0_are_put_after_0(tmp_path: Path) -> None:
     (tmp_path / "left" / "times.txt").write_text("0\n0.1\n0.2\n")
     source = Folders(str(tmp_path)).open()
     assert source.timestamps_ns == (1_000_000_000, 1_100_000_000, 1_200_000_000)
-    assert any("1 s added" in note for note in source.summary.notes)
+    assert any("plus 1 s" in note for note in source.summary.notes)
 
 
 @pytest.mark.parametrize(
