@@ -7,12 +7,16 @@ import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from pseudolidar.errors import CalibrationSizeMismatch, NotRectified, PseudolidarError
 from pseudolidar.formats.rig_json import read_rig, rig_warnings
+from pseudolidar.geometry.frames import BASE_LINK, left_in_base_link
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.source import FrameSource, SourceSettings, SourceSummary
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.pose import Pose
 
 _DATE = re.compile(r"(?<![0-9])([0-9]{4})[-_./]([0-9]{2})[-_./]([0-9]{2})(?![0-9])")
 
@@ -115,7 +119,8 @@ class RiggedSource:
             CalibrationSizeMismatch: this frame has another size.
         """
         frame = self.source.load(index)
-        return replace(frame, rig=self._on(frame.rig))
+        rig = self._on(frame.rig)
+        return replace(frame, rig=rig, pose=_on_body(frame, rig))
 
     def _on(self, own: StereoRig) -> StereoRig:
         rig = self.given
@@ -128,6 +133,16 @@ class RiggedSource:
             T_left_velodyne=own.T_left_velodyne or rig.T_left_velodyne,
             T_velodyne_imu=own.T_velodyne_imu or rig.T_velodyne_imu,
         )
+
+
+def _on_body(frame: StereoFrame, rig: StereoRig) -> Pose | None:
+    """The frame's pose for the `base_link` of `rig`, which may be another sensor."""
+    old, new = left_in_base_link(frame.rig), left_in_base_link(rig)
+    if frame.pose is None or np.array_equal(old.matrix, new.matrix):
+        return frame.pose
+    T_new_old = Pose(BASE_LINK, BASE_LINK, new.matrix @ old.inverse().matrix)
+    matrix = T_new_old.matrix @ frame.pose.matrix @ T_new_old.inverse().matrix
+    return Pose(frame.pose.dst, frame.pose.src, matrix)
 
 
 def calibration_date(origin: str) -> datetime.date | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import json
 import pickle
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,11 +19,13 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.image import encode_png
 from pseudolidar.formats.rig_json import parse_rig
+from pseudolidar.geometry.frames import left_in_base_link
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.other_rig import calibration_date, with_rig
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSource
 from pseudolidar.structures.camera import DisparityCorrection, StereoRig
+from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.pose import Pose
 
 STEREO_IDS = ("000002_10", "000013_10", "000035_10", "000041_10")
@@ -177,6 +179,37 @@ def test_rig_replaces_cameras_and_keeps_the_velodyne(tmp_path: Path) -> None:
 def test_velodyne_of_the_rig_where_the_source_has_none(tmp_path: Path) -> None:
     source = source_of(tmp_path / "a", TEN)
     assert with_rig(source, posed(rig_of())).rig.T_left_velodyne is not None
+
+
+def test_poses_follow_the_body_that_the_rig_places_elsewhere(tmp_path: Path) -> None:
+    """With a Velodyne or an IMU that only the rig knows, these become `base_link`."""
+    source = source_of(tmp_path / "a", TEN)
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    T_map_base = Pose.from_rotation("map", "base_link", turn, np.array([5.0, 1.0, 0.0]))
+    own = replace(source.load(0), pose=T_map_base)
+    seen = replace(with_rig(source, posed(rig_of())), source=OneFrame(source, own)).load(0)
+    assert seen.pose is not None
+    T_base_left = [left_in_base_link(frame.rig).matrix for frame in (own, seen)]
+    assert not np.allclose(*T_base_left)
+    # The path of the left camera from where it started is the same.
+    before, after = (
+        np.linalg.inv(T) @ pose.matrix @ T
+        for T, pose in zip(T_base_left, (T_map_base, seen.pose), strict=True)
+    )
+    np.testing.assert_allclose(after, before, atol=1e-12)
+    same = replace(with_rig(source, rig_of()), source=OneFrame(source, own)).load(0)
+    assert same.pose is T_map_base
+
+
+@dataclass(frozen=True)
+class OneFrame:
+    """A source whose every frame is `frame`."""
+
+    source: FrameSource
+    frame: StereoFrame
+
+    def load(self, index: int) -> StereoFrame:  # noqa: ARG002 -- all are the same
+        return self.frame
 
 
 def test_rig_of_another_size(tmp_path: Path) -> None:
