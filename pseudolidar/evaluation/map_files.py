@@ -5,45 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-
-from pseudolidar.errors import (
-    ImageFormat,
-    ImageMissing,
-    ImageUnreadable,
-    LimitError,
-    ReferenceMissing,
-    SourceEmpty,
-)
+from pseudolidar.errors import ImageFormat, ReferenceMissing, SourceEmpty
+from pseudolidar.formats.disparity_npy import read_disparity_npy
 from pseudolidar.formats.disparity_png import read_disparity_png
-from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.pfm import read_pfm
 from pseudolidar.structures.disparity import DisparityMap
-
-
-def read_disparity_npy(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> DisparityMap:
-    """Read a disparity map in px from a NumPy file; what is not finite or not positive is none.
-
-    Raises:
-        ImageMissing: no such file.
-        ImageUnreadable: not a NumPy file, cut off, or with objects in it.
-        ImageFormat: not (H, W) of numbers.
-        LimitError: more pixels than `limits.pixels`.
-    """
-    try:
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except OSError as error:
-        raise ImageMissing(error.strerror or str(error), want="a .npy file", path=path) from error
-    except (ValueError, EOFError) as error:
-        raise ImageUnreadable(str(error), want="a complete .npy file", path=path) from error
-    if not isinstance(array, np.ndarray) or array.ndim != 2 or array.dtype.kind not in "fiu":
-        found = f"{array.dtype} of shape {array.shape}" if isinstance(array, np.ndarray) else "npz"
-        raise ImageFormat(found, want="(H, W) of numbers, px", path=path)
-    if array.size > limits.pixels:
-        raise LimitError(f"{array.size} pixels", want=f"at most {limits.pixels}", path=path)
-    values = array.astype(np.float32)
-    return DisparityMap(np.where(np.isfinite(values) & (values > 0), values, np.float32(np.nan)))
-
 
 READERS: dict[str, Callable[[Path], DisparityMap]] = {
     ".png": read_disparity_png,

@@ -1,22 +1,9 @@
 import numpy as np
 import pytest
 
-from pseudolidar.errors import (
-    ImageFormat,
-    ImageMissing,
-    ImageUnreadable,
-    LimitError,
-    ReferenceMissing,
-    SourceEmpty,
-)
-from pseudolidar.evaluation.map_files import (
-    is_maps,
-    paired_maps,
-    read_disparity_npy,
-    read_map,
-)
+from pseudolidar.errors import ImageFormat, ReferenceMissing, SourceEmpty
+from pseudolidar.evaluation.map_files import is_maps, paired_maps, read_map
 from pseudolidar.formats.disparity_png import write_disparity_png
-from pseudolidar.formats.limits import Limits
 from pseudolidar.formats.pfm import write_pfm
 from pseudolidar.structures.disparity import DisparityMap
 
@@ -31,28 +18,6 @@ def test_the_same_map_from_every_format(tmp_path):
         np.testing.assert_array_equal(read_map(tmp_path / f"a.{suffix}").values, VALUES)
     with pytest.raises(ImageFormat):
         read_map(tmp_path / "a.tif")
-
-
-def test_broken_numpy_files_are_refused(tmp_path):
-    path = tmp_path / "a.npy"
-    np.save(path, VALUES)
-    whole = path.read_bytes()
-    for length in (0, 5, 60, len(whole) - 1):
-        path.write_bytes(whole[:length])
-        with pytest.raises(ImageUnreadable) as caught:
-            read_disparity_npy(path)
-        assert caught.value.path == str(path)
-    np.save(path, np.array([[object()]]), allow_pickle=True)
-    with pytest.raises(ImageUnreadable):
-        read_disparity_npy(path)
-    np.save(path, VALUES[0])
-    with pytest.raises(ImageFormat):
-        read_disparity_npy(path)
-    np.save(path, VALUES)
-    with pytest.raises(LimitError):
-        read_disparity_npy(path, limits=Limits(pixels=5))
-    with pytest.raises(ImageMissing):
-        read_disparity_npy(tmp_path / "b.npy")
 
 
 def test_maps_are_paired_by_name(tmp_path):

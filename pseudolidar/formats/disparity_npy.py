@@ -1,0 +1,39 @@
+"""Disparity maps as NumPy files, as other programs leave them; pickled objects are never loaded."""
+
+from __future__ import annotations
+
+import tokenize
+from pathlib import Path
+
+import numpy as np
+
+from pseudolidar.errors import ImageFormat, ImageMissing, ImageUnreadable, LimitError
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.structures.disparity import DisparityMap
+
+# What NumPy's header parser raises on damaged bytes.
+_BROKEN = (ValueError, EOFError, SyntaxError, tokenize.TokenError)
+
+
+def read_disparity_npy(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> DisparityMap:
+    """Read (H, W) disparities in px, NaN = none; what is not finite or not positive is none.
+
+    Raises:
+        ImageMissing: no such file.
+        ImageUnreadable: not a NumPy file, cut off, or with objects in it.
+        ImageFormat: not (H, W) of numbers.
+        LimitError: more pixels than `limits.pixels`.
+    """
+    try:
+        array = np.lib.format.open_memmap(path, mode="r")
+    except OSError as error:
+        raise ImageMissing(error.strerror or str(error), want="a .npy file", path=path) from error
+    except _BROKEN as error:
+        raise ImageUnreadable(str(error), want="a complete .npy file", path=path) from error
+    if array.ndim != 2 or array.dtype.kind not in "fiu":
+        found = f"{array.dtype} of shape {array.shape}"
+        raise ImageFormat(found, want="(H, W) of numbers, px", path=path)
+    if array.size > limits.pixels:
+        raise LimitError(f"{array.size} pixels", want=f"at most {limits.pixels}", path=path)
+    values = array.astype(np.float32)
+    return DisparityMap(np.where(np.isfinite(values) & (values > 0), values, np.float32(np.nan)))
