@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import threading
 import time
 from collections.abc import Callable
@@ -21,6 +22,10 @@ Result = TypeVar("Result")
 class Crew:
     """Worker threads as a context; leaving it drops what has not begun.
 
+    A process that ends inside the context (an error keeps its traceback, and that the frames of
+    all callers) leaves it first: a thread that meets the end of the interpreter inside C++ aborts
+    the process.
+
     Args:
         workers: number of threads.
     """
@@ -34,6 +39,7 @@ class Crew:
         ]
 
     def __enter__(self) -> Self:
+        atexit.register(self._settle)
         for thread in self._threads:
             thread.start()
         return self
@@ -44,6 +50,10 @@ class Crew:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        atexit.unregister(self._settle)
+        self._settle()
+
+    def _settle(self) -> None:
         self._closed.set()
         for _ in self._threads:
             self._tasks.put(None)
