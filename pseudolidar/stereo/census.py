@@ -7,7 +7,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 from pseudolidar.errors import StereoConfig
-from pseudolidar.stereo.disparity_range import RANGE_STEP_PX, check_range, disparity_range
+from pseudolidar.stereo.disparity_range import (
+    RANGE_STEP_PX,
+    check_min_depth,
+    check_range,
+    disparity_range,
+)
 from pseudolidar.stereo.grey import grey8_pair
 from pseudolidar.stereo.matcher import DEFAULT_MIN_DEPTH_M
 from pseudolidar.stereo.sigma_model import SigmaModel
@@ -80,6 +85,7 @@ class Census:
         Raises:
             StereoConfig: a setting outside its legal values.
         """
+        check_min_depth(min_depth_m)
         return CensusMatcher(self, min_depth_m)
 
     def __post_init__(self) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from pseudolidar.errors import StereoConfig
 from pseudolidar.structures.camera import StereoRig
 
@@ -25,6 +27,18 @@ def disparity_range(rig: StereoRig, min_depth_m: float) -> int:
         )
     wanted_px = rig.fB_px_m / min_depth_m - rig.doffs_px
     return min(max(RANGE_STEP_PX, round(wanted_px / RANGE_STEP_PX) * RANGE_STEP_PX), largest)
+
+
+def check_min_depth(min_depth_m: float) -> None:
+    """Refuse a nearest depth from which no range follows.
+
+    Raises:
+        StereoConfig: not a number above 0.
+    """
+    if not 0 < min_depth_m < math.inf:
+        raise StereoConfig(
+            f"a nearest depth of {min_depth_m:g} m", want="above 0", where="--min-depth"
+        )
 
 
 def check_range(disparities: int, width_px: int, *, multiple: int) -> None:

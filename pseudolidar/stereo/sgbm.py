@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from pseudolidar.errors import StereoConfig
-from pseudolidar.stereo.disparity_range import check_range, disparity_range
+from pseudolidar.stereo.disparity_range import check_min_depth, check_range, disparity_range
 from pseudolidar.stereo.grey import grey8_pair
 from pseudolidar.stereo.matcher import DEFAULT_MIN_DEPTH_M
 from pseudolidar.structures.arrays import AnyArray, Float32, UInt8
@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 _SUBPIXEL = 16  # OpenCV's disparities are sixteenths of a pixel
 _RANGE_STEP = 16
-_SMALLEST_BM_BLOCK = 5
+# StereoBM's own limits.
+_SMALLEST_BM_BLOCK, _LARGEST_BM_BLOCK = 5, 255
+_LARGEST_BM_CAP = 63
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,7 @@ class Sgbm:
 
     def load(self, *, min_depth_m: float = DEFAULT_MIN_DEPTH_M) -> OpenCvMatcher:
         """The matcher."""
+        check_min_depth(min_depth_m)
         return OpenCvMatcher(self, min_depth_m)
 
     def build(self, disparities: int) -> cv2.StereoMatcher:
@@ -130,12 +133,19 @@ class Bm:
     right_matcher: bool = False
 
     def __post_init__(self) -> None:
-        _check_block(self.block_size, _SMALLEST_BM_BLOCK)
+        _check_block(self.block_size, _SMALLEST_BM_BLOCK, _LARGEST_BM_BLOCK)
+        if not 1 <= self.pre_filter_cap <= _LARGEST_BM_CAP:
+            raise StereoConfig(
+                f"pre_filter_cap {self.pre_filter_cap}",
+                want=f"1 to {_LARGEST_BM_CAP}",
+                where="pre_filter_cap",
+            )
         if self.disparities is not None:
             check_range(self.disparities, 1 << 30, multiple=_RANGE_STEP)
 
     def load(self, *, min_depth_m: float = DEFAULT_MIN_DEPTH_M) -> OpenCvMatcher:
         """The matcher."""
+        check_min_depth(min_depth_m)
         return OpenCvMatcher(self, min_depth_m)
 
     def build(self, disparities: int) -> cv2.StereoMatcher:
@@ -169,6 +179,9 @@ class OpenCvMatcher:
         s = self.settings
         disparities = s.disparities or disparity_range(frame.rig, self.min_depth_m)
         check_range(disparities, frame.size_px[0], multiple=_RANGE_STEP)
+        if isinstance(s, Bm):
+            shortest = min(frame.size_px)
+            _check_block(s.block_size, _SMALLEST_BM_BLOCK, (shortest - 1) // 2 * 2 + 1)
         left, right = grey8_pair(frame.left, frame.right)
         values = _matched(s.build, disparities, left, right)
         if s.right_matcher:
@@ -193,11 +206,13 @@ def _keep_agreed(values: Float32, right_values: AnyArray, agreement_px: float) -
     values[rows[disagree], columns[disagree]] = np.nan
 
 
-def _check_block(block_size: int, smallest: int) -> None:
-    if block_size < smallest or block_size % 2 == 0:
+def _check_block(block_size: int, smallest: int, largest: int | None = None) -> None:
+    too_large = largest is not None and block_size > largest
+    if block_size < smallest or block_size % 2 == 0 or too_large:
         nearest = max(smallest, block_size // 2 * 2 + 1)
+        range_px = f"from {smallest} on, such as {nearest}"
+        if largest is not None:
+            range_px = f"from {smallest} to {largest}, such as {min(nearest, largest)}"
         raise StereoConfig(
-            f"block_size {block_size}",
-            want=f"an odd number from {smallest} on, such as {nearest}",
-            where="block_size",
+            f"block_size {block_size}", want=f"an odd number {range_px}", where="block_size"
         )
