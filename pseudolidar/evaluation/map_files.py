@@ -19,7 +19,12 @@ READERS: dict[str, Callable[[Path], DisparityMap]] = {
 
 
 def read_map(path: Path) -> DisparityMap:
-    """Read a disparity map by the suffix of its name."""
+    """Read a disparity map by the suffix of its name.
+
+    Raises:
+        ImageFormat: another suffix than those of `READERS`.
+        ImageMissing, ImageUnreadable, ImageTruncated, LimitError: as its reader says.
+    """
     if path.suffix.lower() not in READERS:
         raise ImageFormat(
             f"a file named *{path.suffix}", want=f"one of {', '.join(READERS)}", path=path

@@ -41,6 +41,10 @@ def cloud_message(cloud: PointCloud, timestamp_ns: int, *, pixels: bool = True) 
             its extra columns, as far as it has them.
         timestamp_ns: stamp of the message where the cloud has none.
         pixels: with u and v.
+
+    Raises:
+        StructureError: an extra column has the name of another, or is not one number a point.
+        SequenceTime: neither cloud nor message has a stamp.
     """
     if cloud.shape is not None:
         cloud = cloud[cloud.valid]

@@ -1,4 +1,8 @@
-"""Values of a rig file out of its JSON: each checked, each refused by its place."""
+"""Values of a rig file out of its JSON: each checked, each refused by its place.
+
+A value of another form raises `CalibrationSyntax`, a key that is missing or unknown
+`CalibrationField`, both with the path within the file and the line.
+"""
 
 from __future__ import annotations
 

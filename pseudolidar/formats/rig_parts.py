@@ -1,4 +1,7 @@
-"""Cameras, poses and correction of a rig file."""
+"""Cameras, poses and correction of a rig file.
+
+Errors are those of `rig_fields`, and `CalibrationValue` for what no camera or rig can have.
+"""
 
 from __future__ import annotations
 

@@ -56,7 +56,11 @@ class TextLine:
         return [self.number_of(word) for word in words]
 
     def number_of(self, word: Word) -> float:
-        """One word as a finite number."""
+        """One word as a finite number.
+
+        Raises:
+            PseudolidarError: of kind `error`, with line and column.
+        """
         value = float(word.text) if NUMBER.fullmatch(word.text) else math.nan
         if not math.isfinite(value):
             raise self.refusal(

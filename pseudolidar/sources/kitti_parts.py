@@ -204,7 +204,11 @@ def split_folder(path: Path, split: Split | None, *, has: Callable[[Path], bool]
 def split_or_raise(
     path: Path, split: Split | None, *, has: Callable[[Path], bool], what: str
 ) -> Path:
-    """`split_folder`, or `SourceUnknown`."""
+    """The folder of a split: `split_folder` that insists.
+
+    Raises:
+        SourceUnknown: there is none of the layout `what`.
+    """
     folder = split_folder(path, split, has=has)
     if folder is None:
         raise SourceUnknown(

@@ -97,7 +97,11 @@ class PointCloud:
         return np.asarray(np.isfinite(self.xyz).all(axis=1))
 
     def transformed(self, T_dst_frame: Pose) -> PointCloud:
-        """The cloud in frame `T_dst_frame.dst`; sigma is along the ray and stays."""
+        """The cloud in frame `T_dst_frame.dst`; sigma is along the ray and stays.
+
+        Raises:
+            StructureError: the cloud is in another frame than `T_dst_frame.src`.
+        """
         if T_dst_frame.src != self.frame:
             raise StructureError(
                 f"a cloud in {self.frame!r}", want=f"one in {T_dst_frame.src!r}", where="PointCloud"
