@@ -5,19 +5,18 @@ from __future__ import annotations
 import difflib
 from pathlib import Path
 
-from pseudolidar.errors import SourceUnknown, UsageError
+from pseudolidar.errors import SourceUnknown
 from pseudolidar.sources.folder import Folders, seen_in
 from pseudolidar.sources.kitti_object import KittiObject
 from pseudolidar.sources.kitti_odometry import KittiOdometry
 from pseudolidar.sources.kitti_raw import KittiRaw
 from pseudolidar.sources.kitti_stereo import KittiStereo
-from pseudolidar.sources.synthetic import Synthetic
+from pseudolidar.sources.synthetic import SYNTHETIC, Synthetic, world_and_frames
 
 Source = KittiRaw | KittiObject | KittiStereo | KittiOdometry | Folders | Synthetic
 
 # The stricter layout first: KITTI's are folders of pairs, too.
 LAYOUTS = (KittiRaw, KittiObject, KittiStereo, KittiOdometry, Folders)
-SYNTHETIC = "synthetic:"
 LOOKED_FOR = (
     "KITTI raw, object, stereo or odometry data, "
     "pairs of pictures (folders left and right, names with left and right, _l and _r, "
@@ -50,12 +49,8 @@ def recognise(path: str) -> Source:
 
 
 def _synthetic(path: str) -> Synthetic:
-    world, colon, frames = path.removeprefix(SYNTHETIC).partition(":")
-    if not colon:
-        return Synthetic(world)
-    if not (frames.isascii() and frames.isdecimal() and int(frames) > 0):
-        raise UsageError(f"{frames!r} frames in {path!r}", want="such as synthetic:street:40")
-    return Synthetic(world, frames=int(frames))
+    name, frames = world_and_frames(path)
+    return Synthetic(name) if frames is None else Synthetic(name, frames=frames)
 
 
 def _absent(path: str) -> SourceUnknown:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -34,6 +34,7 @@ WORLDS: dict[str, type[Street] | type[Room] | type[Flight]] = {
     "room": Room,
     "flight": Flight,
 }
+SYNTHETIC = "synthetic:"
 # Smaller images hold nothing that a matcher could work on.
 SMALLEST_PX = (64, 32)
 # Random numbers of a frame: one stream each.
@@ -45,7 +46,7 @@ class Synthetic:
     """A rendered world: `street`, `room` or `flight`.
 
     Args:
-        path: which world; `synthetic:street` means the same as `street`.
+        path: which world: `street`, `synthetic:street`, or with a number of frames `street:40`.
         frames: how many frames; the world has no end.
         seed: which street, which noise: other seeds are other worlds.
         width_px: image width; the world's own by default (street: 1242).
@@ -71,7 +72,9 @@ class Synthetic:
             SourceUnknown: no world of that name.
             UsageError: no frame, an impossible rate, or images too small.
         """
-        name = self.path.removeprefix("synthetic:") or "street"
+        name, frames = world_and_frames(self.path)
+        if frames is not None:
+            return replace(self, path=name, frames=frames).open()
         if name not in WORLDS:
             raise SourceUnknown(
                 f"a synthetic world called {name!r}",
@@ -94,6 +97,20 @@ class Synthetic:
         design = WORLDS[name]().design
         width = self.width_px or design.width_px
         return width, self.height_px or round(design.height_px * width / design.width_px)
+
+
+def world_and_frames(path: str) -> tuple[str, int | None]:
+    """Name of a world, and how many frames `synthetic:street:40` or `street:40` asks for.
+
+    Raises:
+        UsageError: a number of frames that is none.
+    """
+    name, colon, frames = path.removeprefix(SYNTHETIC).partition(":")
+    if not colon:
+        return name or "street", None
+    if not (frames.isascii() and frames.isdecimal() and int(frames) > 0):
+        raise UsageError(f"{frames!r} frames in {path!r}", want="such as synthetic:street:40")
+    return name or "street", int(frames)
 
 
 @dataclass(frozen=True)

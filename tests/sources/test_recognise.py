@@ -82,6 +82,15 @@ def test_synthetic() -> None:
     for text in ("synthetic:street:x", "synthetic:street:0", "synthetic:street:"):
         with pytest.raises(UsageError):
             recognise(text)
+        with pytest.raises(UsageError):
+            Synthetic(text).open()
+
+
+@pytest.mark.parametrize("path", ["room:3", "synthetic:room:3"])
+def test_a_forced_world_takes_its_number_of_frames_too(path: str) -> None:
+    opened = Synthetic(path).open()
+    assert (opened.name, len(opened.ids)) == ("room", 3)
+    assert opened.summary.line == recognise("synthetic:room:3").open().summary.line
 
 
 def test_unknown_says_what_was_looked_for_and_seen(tmp_path: Path) -> None:
