@@ -9,7 +9,7 @@ import calendar
 import re
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from decimal import Decimal
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
 from pseudolidar.errors import SequenceTime
@@ -44,11 +44,14 @@ def _date_ns(line: TextLine) -> int:
         if match is None:
             raise ValueError
         date = datetime(*(int(part) for part in match.groups()[:6]), tzinfo=UTC)  # type: ignore[arg-type,misc]
+        seconds = calendar.timegm(date.utctimetuple())
+        if not 0 <= seconds < LARGEST_S:
+            raise ValueError
     except ValueError:
         raise line.refusal(
-            f"{line.text[:40]!r}", want="a date such as 2011-09-26 13:02:44.327963904"
+            f"{line.text[:40]!r}", want="a date such as 2011-09-26 13:02:44.327963904, 1970 to 2261"
         ) from None
-    return calendar.timegm(date.utctimetuple()) * NS_PER_S + int((match[7] or "").ljust(9, "0"))
+    return seconds * NS_PER_S + int((match[7] or "").ljust(9, "0"))
 
 
 def write_timestamps(path: Path, timestamps_ns: Sequence[int]) -> None:
@@ -74,9 +77,14 @@ def read_times(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> tuple[int, ...
 def _seconds_ns(line: TextLine) -> int:
     words = line.words()
     (seconds,) = line.numbers(words, count=1)
-    if not 0 <= seconds < LARGEST_S:
-        raise line.refusal(f"{words[0].text!r} s", want="seconds from the start of the sequence")
-    return int((Decimal(words[0].text) * NS_PER_S).to_integral_value())
+    try:
+        if not 0 <= seconds < LARGEST_S:
+            raise ValueError
+        return int((Decimal(words[0].text) * NS_PER_S).to_integral_value())
+    except (ValueError, InvalidOperation):  # the latter: an exponent of twenty digits
+        raise line.refusal(
+            f"{words[0].text[:40]!r} s", want="seconds from the start of the sequence"
+        ) from None
 
 
 def write_times(path: Path, timestamps_ns: Sequence[int]) -> None:

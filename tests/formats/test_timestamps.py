@@ -33,7 +33,17 @@ def test_blank_lines_hold_a_place_except_at_the_end(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "line", ["2011-13-26 13:02:44.3", "2011-09-26", "1317042164", "2011-09-26 13:02:44,3", "now"]
+    "line",
+    [
+        "2011-13-26 13:02:44.3",
+        "2011-09-26",
+        "1317042164",
+        "2011-09-26 13:02:44,3",
+        "now",
+        # Beyond int64 nanoseconds since 1970, on either side.
+        "2300-01-01 00:00:00",
+        "1969-12-31 23:59:59",
+    ],
 )
 def test_what_is_no_date_is_refused_by_line(tmp_path, line):
     path = tmp_path / "timestamps.txt"
@@ -49,7 +59,7 @@ def test_seconds_are_exact(tmp_path):
     assert read_times(path) == (0, 103_622_400, 470_758_100_000)
 
 
-@pytest.mark.parametrize("line", ["-1", "nan", "0.1 0.2", "0,1", "1e30"])
+@pytest.mark.parametrize("line", ["-1", "nan", "0.1 0.2", "0,1", "1e30", "2e-9999999999999999999"])
 def test_what_are_no_seconds_is_refused_by_line(tmp_path, line):
     path = tmp_path / "times.txt"
     path.write_text(f"0\n{line}\n")
