@@ -20,7 +20,7 @@ from typing import Self
 from mcap.opcode import Opcode
 
 from pseudolidar.errors import RecordingError, SequenceTime
-from pseudolidar.formats.atomic import fsync_folder, output_error
+from pseudolidar.formats.atomic import drop_from_cache, fsync_folder, output_error
 from pseudolidar.formats.checksum import crc32
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.mcap_check import McapSummary, check_mcap
@@ -39,8 +39,7 @@ __all__ = ["McapLog", "McapProlog", "frames_in", "part_path", "whole_frames"]
 
 PART_SUFFIX = ".part"
 
-# Frames whose messages are read back after writing (20 ms each where they hold a dense cloud); the
-# CRC of the data covers all.
+# Frames that are read back after writing (20 ms each where they hold a dense cloud).
 CHECKED_FRAMES = 50
 
 
@@ -187,6 +186,7 @@ class McapLog:
                 _write_all(self._file, part)
             if sync:
                 os.fsync(self._file.fileno())
+                drop_from_cache(self._file.fileno())
         except OSError as error:
             with contextlib.suppress(OSError):
                 self._file.truncate(self._offset)

@@ -28,6 +28,7 @@ from pseudolidar.formats.mcap_channels import FRAME, PROTOBUF
 from pseudolidar.formats.mcap_check_messages import ChannelCheck, MessageChecks, message_class
 from pseudolidar.formats.mcap_records import (
     MAGIC,
+    RECORD_HEADER,
     PackedChunk,
     RawMessage,
     RawRecord,
@@ -36,6 +37,7 @@ from pseudolidar.formats.mcap_records import (
     parse_message,
     parsed,
     read_record,
+    record_head,
     unpacked,
 )
 
@@ -74,8 +76,8 @@ def check_mcap(path: Path, *, every: int = 1, limits: Limits = DEFAULT_LIMITS) -
 
     Args:
         path: a complete recording.
-        every: unpack each n-th chunk only; of the others the CRC of the file is checked, and their
-            messages are counted by their index.
+        every: read each n-th chunk only; of the others place and length are checked, and their
+            messages are counted by their index. With 1 every byte of the file is.
         limits: caps on what it may claim.
 
     Raises:
@@ -128,10 +130,18 @@ class _Reading:
             raise broken("no MCAP file: it begins otherwise", 0)
         offset, crc = len(MAGIC), crc32(MAGIC)
         while True:
+            opcode, length = record_head(self._file, offset, self._size, self._limits)
+            if opcode == Opcode.CHUNK:
+                self._unpack = len(self._chunks) // 2 % self._every == 0
+                self._chunks.extend((offset, RECORD_HEADER.size + length))
+                if not self._unpack:
+                    offset += RECORD_HEADER.size + length
+                    continue
             record = read_record(self._file, offset, self._size, self._limits)
             offset = record.end
             if record.opcode == Opcode.DATA_END:
-                if parsed(DataEnd, record).data_section_crc not in (0, crc):
+                expected = parsed(DataEnd, record).data_section_crc
+                if self._every == 1 and expected not in (0, crc):
                     raise broken("data whose CRC does not match", record.offset)
                 return offset
             crc = crc32(record.body, crc32(record.header(), crc))
@@ -139,10 +149,7 @@ class _Reading:
 
     def _data_record(self, record: RawRecord) -> None:
         if record.opcode == Opcode.CHUNK:
-            self._unpack = len(self._chunks) // 2 % self._every == 0
-            self._chunks.extend((record.offset, record.end - record.offset))
-            if self._unpack:
-                self._chunk(PackedChunk.parse(record), record.offset)
+            self._chunk(PackedChunk.parse(record), record.offset)
         elif record.opcode == Opcode.MESSAGE_INDEX and not self._unpack:
             index = parsed(MessageIndex, record)
             self._counts[index.channel_id] += len(index.records)

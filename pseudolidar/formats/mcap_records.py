@@ -133,6 +133,21 @@ def read_record(file: FileIO, offset: int, size: int, limits: Limits = DEFAULT_L
     Raises:
         RecordingError: the file ends within it, or it claims more than the cap.
     """
+    opcode, length = record_head(file, offset, size, limits)
+    body = file.read(length)
+    if len(body) < length:
+        raise broken(f"a record of which {len(body)} of {length} bytes can be read", offset)
+    return RawRecord(opcode, offset, body)
+
+
+def record_head(
+    file: FileIO, offset: int, size: int, limits: Limits = DEFAULT_LIMITS
+) -> tuple[int, int]:
+    """Opcode and length of the record at `offset`; the file then stands at its body.
+
+    Raises:
+        RecordingError: the file ends within it, or it claims more than the cap.
+    """
     file.seek(offset)
     header = file.read(RECORD_HEADER.size)
     if len(header) < RECORD_HEADER.size:
@@ -148,10 +163,7 @@ def read_record(file: FileIO, offset: int, size: int, limits: Limits = DEFAULT_L
             fix="If it really is that large, raise the cap (Limits.record_bytes).",
             where=f"byte {offset}",
         )
-    body = file.read(length)
-    if len(body) < length:
-        raise broken(f"a record of which {len(body)} of {length} bytes can be read", offset)
-    return RawRecord(opcode, offset, body)
+    return opcode, length
 
 
 def parsed(kind: type[AnyRecord], record: RawRecord) -> AnyRecord:
