@@ -20,6 +20,7 @@ from pathlib import Path
 
 from pseudolidar.pipelines.convert import Convert, ConvertFrame, opened
 
+from pseudolidar.running.memory import keep_freed_memory
 from pseudolidar.running.outputs import Outputs
 from pseudolidar.sources.recognise import recognise
 from tests.conftest import DATA, ROOT
@@ -69,6 +70,7 @@ def cpu_seconds_alone(drive: Path, out: Path) -> float:
     import cv2
 
     cv2.setNumThreads(1)
+    keep_freed_memory()  # as in a run
     job = Convert(source=recognise(str(drive)), out=out, to=Outputs.parse(TO))
     source = opened(job)
     per_frame = ConvertFrame.of(job, source)
