@@ -13,7 +13,8 @@ from pseudolidar.geometry.depth import depth_map
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.conversion_page import write_conversion_page
 from pseudolidar.running.encoders import Converted, encoded
-from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, Recognised
+from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
+from pseudolidar.running.folder import check_usable
 from pseudolidar.running.frame_checks import check_pair, check_texture
 from pseudolidar.running.outputs import Outputs, folder_of
 from pseudolidar.running.product import Product
@@ -84,13 +85,14 @@ class Convert:
     frame: CloudFrame | None = None
     workers: Annotated[int | None, RUN_ONLY] = None
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
-    overwrite: Annotated[bool, RUN_ONLY] = False
-    dry_run: Annotated[bool, RUN_ONLY] = False
+    overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+    dry_run: Annotated[bool, RUN_ONLY, THIS_TIME] = False
 
 
 def run(job: Convert) -> ConvertReport | Rehearsal:
     """Convert every frame of the source: match, reproject, encode; commit in order."""
     source = opened(job)
+    check_usable(job.out)
     per_frame = ConvertFrame.of(job, source)
     if job.dry_run:
         return rehearse(source, per_frame, folder=job.out, workers=job.workers).checked()

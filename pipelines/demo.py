@@ -13,7 +13,7 @@ from pseudolidar.pipelines.convert import (  # type: ignore[import-untyped]
 )
 from pseudolidar.pipelines.convert import run as convert
 
-from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY
+from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME
 from pseudolidar.running.outputs import Outputs
 from pseudolidar.running.rehearsal import Rehearsal
 from pseudolidar.sources.synthetic import Synthetic
@@ -36,7 +36,7 @@ class Demo:
     out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out/demo")
     world: str = "street"
     frames: int = 10
-    overwrite: Annotated[bool, RUN_ONLY] = False
+    overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
 
 
 def run(job: Demo) -> ConvertReport | Rehearsal:

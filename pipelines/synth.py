@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from pseudolidar.running.bad_frames import OnError
-from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY
+from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME
 from pseudolidar.running.kitti_layouts import Drive, EncodeFrame, KittiLayout, write_shared
 from pseudolidar.running.results import RunResult
 from pseudolidar.running.run import Run
@@ -49,7 +49,7 @@ class Synth:
     rate_hz: float = 10.0
     workers: Annotated[int | None, RUN_ONLY] = None
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
-    overwrite: Annotated[bool, RUN_ONLY] = False
+    overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
 
     @property
     def source(self) -> Synthetic:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from pseudolidar.commandline.outcome import Report
 from pseudolidar.commandline.verbs import RUN_VERB, Verb, load_file, load_verb
 from pseudolidar.errors import UsageError
 from pseudolidar.running.settings_json import from_json
+from pseudolidar.running.settings_schema import settings_fields
 
 _MAX_SETTINGS_BYTES = 10_000_000  # a run.json holds kilobytes
 
@@ -62,10 +64,12 @@ def _settings_of_run(verb: Verb, file: Path) -> Any:
             data = json.loads(stream.read(_MAX_SETTINGS_BYTES))
         if not isinstance(data, dict):
             raise UsageError(f"a JSON {type(data).__name__}", want="an object")
-        return from_json(verb.settings, data.get("settings", data))
+        settings: Any = from_json(verb.settings, data.get("settings", data))
     except OSError as error:
         raise UsageError(error.strerror or str(error), want="a run.json", path=file) from error
     except (ValueError, RecursionError) as error:
         raise UsageError(f"not JSON: {error}", want="a run.json", path=file) from error
     except UsageError as error:
         raise error.located(file) from None
+    this_time = [field for field in settings_fields(verb.settings) if field.this_time]
+    return replace(settings, **{field.name: field.default for field in this_time})

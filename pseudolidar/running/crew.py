@@ -58,7 +58,8 @@ class Crew:
         for _ in self._threads:
             self._tasks.put(None)
         deadline_s = time.monotonic() + SETTLE_S
-        for thread in self._threads:
+        # A stream that nobody holds any more may be collected in one of its own threads.
+        for thread in set(self._threads) - {threading.current_thread()}:
             thread.join(max(0.0, deadline_s - time.monotonic()))
 
     def submit(

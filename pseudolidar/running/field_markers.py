@@ -12,11 +12,13 @@ class Marker(enum.Enum):
     """Values for `Annotated[type, ...]` on a settings field."""
 
     POSITIONAL = "given by its place among the arguments, not by a flag"
+    THIS_TIME = "asked for this one run; not repeated by --settings run.json"
     RUN_ONLY = "changes how a run goes, never a byte of its results; not part of the settings hash"
 
 
 POSITIONAL: Final = Marker.POSITIONAL
 RUN_ONLY: Final = Marker.RUN_ONLY
+THIS_TIME: Final = Marker.THIS_TIME
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import fcntl
 import json
 import os
 import socket
+import tempfile
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path, PurePosixPath
@@ -38,6 +39,20 @@ def own_folder(folder: Path) -> Iterator[None]:
         (folder / PROBE_NAME).unlink()
         remove_leftovers(folder)
         yield
+
+
+def check_usable(folder: Path) -> None:
+    """Try to write where `folder` is, or would be made, and leave nothing: before heavy loading.
+
+    Raises:
+        OutputError: nothing can be written there.
+    """
+    nearest = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    try:
+        with tempfile.TemporaryFile(dir=nearest):
+            pass
+    except OSError as error:
+        raise output_error(folder, error) from error
 
 
 def remove_leftovers(folder: Path) -> None:

@@ -47,8 +47,9 @@ class Journal:
     ) -> Iterator[Self]:
         """Start the journal of `folder`, or continue the one that is there.
 
-        A last line that a power cut tore is dropped. Every committed file is compared with its
-        size and hash; frames whose files are missing or damaged count as not committed.
+        A last line that a power cut tore is dropped. A journal without a committed frame gives way
+        to other settings. Every committed file is compared with its size and hash; frames whose
+        files are missing or damaged count as not committed.
 
         Args:
             folder: output folder, owned by this run.
@@ -64,8 +65,11 @@ class Journal:
         if overwrite:
             forget(folder)
         content = read_journal(path)
-        if content is not None:
+        if content is not None and content.holds_results:
             content.check_same(settings, folder)
+        elif content is not None and content.settings != settings:
+            forget(folder)
+            content = None
         try:
             file = path.open("ab", buffering=0)
             os.truncate(path, path.read_bytes().rfind(b"\n") + 1)

@@ -34,6 +34,11 @@ class JournalContent:
     products: tuple[str, ...]
     records: tuple[FrameRecord, ...]
 
+    @property
+    def holds_results(self) -> bool:
+        """Whether a frame was ever committed."""
+        return any(record.skipped is None for record in self.records)
+
     def check_same(self, settings: dict[str, Any], folder: Path) -> None:
         """Raise `OutputSettings` where a new run would write other results, with both values."""
         differences = settings_differences(self.settings, settings)

@@ -54,6 +54,11 @@ class SettingsField:
         """Whether the field leaves the results as they are."""
         return Marker.RUN_ONLY in self.marks
 
+    @property
+    def this_time(self) -> bool:
+        """Whether the field is not repeated when the settings of a run are."""
+        return Marker.THIS_TIME in self.marks
+
 
 def settings_fields(cls: type) -> tuple[SettingsField, ...]:
     """The fields of a settings dataclass in order.

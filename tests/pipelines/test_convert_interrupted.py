@@ -15,10 +15,12 @@ from pathlib import Path
 import pytest
 from pseudolidar.pipelines.convert import Convert, run
 
-from pseudolidar.errors import OutputError, OutputLocked, OutputSettings
+from pseudolidar.cli import main
+from pseudolidar.errors import OutputError, OutputLocked, OutputSettings, StereoConfig
 from pseudolidar.running.journal_file import JOURNAL_NAME
 from pseudolidar.running.outputs import Outputs
 from pseudolidar.sources.recognise import recognise
+from pseudolidar.stereo.census import Census
 
 ALL = "pcd,ply,bin,npz,disparity,depth,mcap"
 # The only files that may differ from run to run.
@@ -188,6 +190,19 @@ def test_other_settings_are_refused_unless_overwritten(drive, tmp_path):
     assert {name.split("/")[0] for name in tree(out)} == {"ply", ".report"}
 
 
+def test_a_run_that_committed_nothing_binds_nobody(drive, tmp_path):
+    with pytest.raises(StereoConfig):
+        run(job(drive, tmp_path, matcher=Census(disparities=256)))
+    assert run(job(drive, tmp_path)).exit_code == 0
+
+
+def test_settings_of_a_run_do_not_repeat_that_it_started_anew(drive, tmp_path, capsys):
+    assert main(["convert", str(drive), str(tmp_path), "--overwrite"]) == 0
+    capsys.readouterr()
+    assert main(["convert", "--settings", str(tmp_path / "run.json")]) == 0
+    assert "nothing was done" in capsys.readouterr().out
+
+
 def test_another_calibration_is_refused(own_drive, tmp_path):
     out = tmp_path / "out"
     run(job(own_drive, out, to="pcd"))
@@ -224,6 +239,19 @@ def test_a_folder_that_cannot_be_written_is_refused_before_a_frame_is_read(
     with pytest.raises(OutputError) as caught:
         run(job(drive, Path(place)))
     assert caught.value.exit_code == 5
+
+
+def test_such_a_folder_is_refused_before_anything_heavy_is_loaded(drive):
+    """Kernels and OpenCV take longer than the user should wait for this."""
+    program = (
+        "import sys; from pseudolidar.cli import main\n"
+        "code = main(sys.argv[1:])\n"
+        "print(code, sorted({'numba', 'cv2', 'open3d', 'mcap'} & set(sys.modules)))"
+    )
+    line = [sys.executable, "-c", program, "convert", str(drive), "/proc/pseudolidar/out"]
+    ended = subprocess.run(line, capture_output=True, text=True, check=False)
+    assert ended.stdout == "5 []\n", ended.stderr
+    assert "OutputError: /proc/pseudolidar/out" in ended.stderr
 
 
 def test_leftovers_and_strangers(drive, tmp_path, reference):
