@@ -94,22 +94,6 @@ def frame_messages(
     return tuple(LogMessage(topic, frame.timestamp_ns, parts) for topic, parts in topics)
 
 
-def skipped_messages(
-    frame_id: str, index: int, timestamp_ns: int, reason: str
-) -> tuple[LogMessage, ...]:
-    """What a recording holds of a frame that could not be converted: its mark, and why.
-
-    Args:
-        frame_id: the source's name of the frame.
-        index: position in the source.
-        timestamp_ns: time of the frame.
-        reason: the error's code; no path, which would differ between machines.
-    """
-    text = f"frame {frame_id}, index {index}, skipped: {reason}"
-    mark = log_message(text, timestamp_ns, name=frame_id, level=Log.WARNING)
-    return tuple(LogMessage(topic, timestamp_ns, mark) for topic in (channels.FRAME, channels.LOG))
-
-
 def _frame_topics(
     frame: StereoFrame, notes: Iterable[str], tree: Iterable[Pose]
 ) -> Iterator[tuple[str, Parts]]:
@@ -169,11 +153,9 @@ def _marker_text(frame: StereoFrame) -> str:
     return text if frame.pose else text + ", no pose: map, odom and base_link coincide"
 
 
-def log_message(
-    text: str, timestamp_ns: int, *, name: str = "", level: Log.Level.ValueType = Log.INFO
-) -> Parts:
+def log_message(text: str, timestamp_ns: int, *, name: str = "") -> Parts:
     """A line of the log; `name` says of what."""
-    message = Log(level=level, message=text, name=name)
+    message = Log(level=Log.INFO, message=text, name=name)
     set_stamp(message.timestamp, timestamp_ns)
     return serialised(message)
 

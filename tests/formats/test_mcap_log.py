@@ -25,7 +25,7 @@ from pseudolidar.formats.mcap import McapLog, frames_in, part_path
 from pseudolidar.formats.mcap_check import check_mcap
 from pseudolidar.formats.mcap_content import Compression
 from pseudolidar.formats.mcap_frame import FrameChunk, pack_frame
-from pseudolidar.formats.mcap_messages import frame_messages, skipped_messages
+from pseudolidar.formats.mcap_messages import LogMessage, frame_messages, log_message
 from pseudolidar.formats.mcap_prolog import describe_recording
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.cloud import PointCloud
@@ -156,18 +156,10 @@ def test_the_file_takes_its_name_when_it_is_complete(
     assert log.summary.frames == 1
 
 
-def test_a_skipped_frame_leaves_its_mark(tmp_path: Path, chunks: list[FrameChunk]) -> None:
-    messages = skipped_messages("000006", 6, START_NS + 6 * PERIOD_NS, "ImageTruncated")
-    path = tmp_path / "a.mcap"
-    record(path, [*chunks, pack_frame(messages, index=6)])
-    assert frames_in(path)[-1] == "000006"
-    assert check_mcap(path).messages["/log"] == 1
-
-
 def test_messages_without_the_mark_of_a_frame_are_refused() -> None:
-    messages = skipped_messages("000000", 0, START_NS, "ImageTruncated")[1:]
+    line = LogMessage("/log", START_NS, log_message("a line of the log", START_NS))
     with pytest.raises(StructureError, match="/frame"):
-        pack_frame(messages, index=0)
+        pack_frame([line], index=0)
 
 
 def test_a_frame_earlier_than_the_one_before_is_refused(
