@@ -195,6 +195,7 @@ def read_raw_calib(
         raw_sizes_px=_sizes_px(cameras, "S_0"),
         notes=tuple(notes),
         made=cameras.texts.get("calib_time", ""),
+        key="P_rect_0",
     )
 
 

@@ -42,6 +42,7 @@ class KittiCalibration:
         notes: what is odd about it.
         date: day of the drives that it is for, such as `2011_09_26`, where it is known.
         made: when it was computed, as the file says it.
+        key: what precedes the camera's number in the file's names of projections.
     """
 
     path: Path
@@ -53,6 +54,7 @@ class KittiCalibration:
     notes: tuple[str, ...] = ()
     date: str = ""
     made: str = ""
+    key: str = "P"
 
     @property
     def described(self) -> str:
@@ -101,13 +103,14 @@ class KittiCalibration:
 
     def _projection(self, camera: int) -> Float64:
         if camera not in self.projections:
-            found = ", ".join(f"P{number}" for number in sorted(self.projections))
+            name = f"{self.key}{camera}"
+            found = ", ".join(f"{self.key}{number}" for number in sorted(self.projections))
             raise CalibrationField(
-                f"no P{camera}; found {found or 'no camera at all'}",
-                want=f"P{camera}",
+                f"no {name}; found {found or 'no camera at all'}",
+                want=name,
                 fix=WHICH_LAYOUT,
                 path=self.path,
-                where=f"P{camera}",
+                where=name,
             )
         return self.projections[camera]
 
@@ -119,10 +122,10 @@ class KittiCalibration:
             return np.asarray(np.linalg.solve(P[:, :3], P[:, 3]), dtype=np.float64)
         except np.linalg.LinAlgError:
             raise CalibrationValue(
-                f"P{camera} is no projection of a rectified camera",
+                f"{self.key}{camera} is no projection of a rectified camera",
                 want="K [I | t] with focal lengths above 0 and third row 0 0 1",
                 path=self.path,
-                where=f"P{camera}",
+                where=f"{self.key}{camera}",
             ) from None
 
     def _camera(self, number: int, frame: str, size_px: tuple[int, int] | None) -> Camera:

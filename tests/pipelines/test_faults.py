@@ -1,0 +1,288 @@
+"""What a stranger gets for bad input and bad disks, through the command line."""
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+
+from pseudolidar.cli import main
+from pseudolidar.formats.kitti import CAM_TO_CAM, VELO_TO_CAM
+from pseudolidar.formats.npz import read_npz
+from pseudolidar.formats.pcd import read_pcd
+from pseudolidar.formats.ply import read_ply
+from pseudolidar.running.folder import own_folder
+
+ALL = "pcd,ply,bin,npz,disparity,depth,mcap"
+DEPTH_M = 100.0 * 0.5 / 9  # of the drive in conftest
+
+
+def convert(capsys, *args):
+    """Exit code and the object of `convert --json`; the terminal must show no traceback."""
+    code = main(["convert", *map(str, args), "--json"])
+    captured = capsys.readouterr()
+    assert "Traceback" not in captured.err
+    return code, json.loads(captured.out)
+
+
+def skips(out):
+    report = json.loads((out / "report.json").read_text())
+    return {skip["id"]: (skip["code"], skip["got"]) for skip in report["skipped"]}
+
+
+def rewrite(drive, change, suffix=".png"):
+    """Every picture of a drive anew: `change(image)` is stored."""
+    for path in sorted(drive.glob("*/*.png")):
+        image = change(cv2.imread(str(path)))
+        path.unlink()
+        assert cv2.imwrite(str(path.with_suffix(suffix)), image)
+
+
+# --- pictures (rows 3 to 7) -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".tif", ".pgm"])
+def test_a_cut_picture_of_any_kind_costs_its_frame(own_drive, tmp_path, capsys, suffix):
+    grey = (lambda image: image[:, :, 0]) if suffix == ".pgm" else (lambda image: image)
+    rewrite(own_drive, grey, suffix)
+    path = own_drive / "left" / f"000002{suffix}"
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+    out = tmp_path / "out"
+    code, report = convert(capsys, own_drive, out)
+    assert (code, report["committed"], report["skipped"]) == (4, 5, 1)
+    kind, got = skips(out)["000002"]
+    assert kind == "ImageTruncated"
+    assert got
+    assert not (out / "pcd" / "000002.pcd").exists()
+
+
+def test_a_header_that_claims_gigabytes_is_refused_before_decoding(own_drive, tmp_path, capsys):
+    path = own_drive / "left" / "000002.png"
+    data = bytearray(path.read_bytes())
+    data[16:24] = (30_000).to_bytes(4, "big") * 2
+    path.write_bytes(data)
+    code, _ = convert(capsys, own_drive, tmp_path / "out")
+    assert code == 4
+    assert skips(tmp_path / "out")["000002"][0] in ("LimitError", "PairMismatch")
+
+
+def test_sixteen_bits_stay(own_drive, tmp_path, capsys):
+    rewrite(own_drive, lambda image: image.astype(np.uint16) * 16)
+    assert convert(capsys, own_drive, tmp_path / "out")[0] == 0
+    cloud = read_pcd(tmp_path / "out" / "pcd" / "000000.pcd")
+    assert np.median(cloud.xyz[:, 2]) == pytest.approx(DEPTH_M, rel=0.01)
+    assert len(np.unique(cloud.intensity)) > 256, "more levels than 8 bits have"
+
+
+def test_alpha_is_dropped_and_that_is_told(own_drive, tmp_path, capsys):
+    rewrite(own_drive, lambda image: cv2.cvtColor(image, cv2.COLOR_BGR2BGRA))
+    assert convert(capsys, own_drive, tmp_path / "out")[0] == 0
+    assert "alpha" in (tmp_path / "out" / "report.json").read_text()
+    cloud = read_pcd(tmp_path / "out" / "pcd" / "000000.pcd")
+    assert np.median(cloud.xyz[:, 2]) == pytest.approx(DEPTH_M, rel=0.01)
+
+
+# --- points (row 16) --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("matcher", ["census", "sgbm", "bm"])
+def test_nothing_written_is_not_finite(drive, tmp_path, capsys, matcher):
+    options = ("--to", ALL, "--matcher", matcher, "--frames", "0:2", "--reproject.max-range-m", 1e9)
+    assert convert(capsys, drive, tmp_path, *options)[0] == 0
+    for read, kind in ((read_pcd, "pcd"), (read_ply, "ply"), (read_npz, "npz")):
+        cloud = read(tmp_path / kind / f"000001.{kind}")
+        columns = [cloud.xyz, cloud.intensity, cloud.uv]
+        columns += [] if cloud.sigma_m is None else [cloud.sigma_m]
+        assert all(np.isfinite(column).all() for column in columns), kind
+    assert np.isfinite(np.fromfile(tmp_path / "bin" / "000001.bin", "<f4")).all()
+    with (tmp_path / "tiny.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        clouds = [m for *_, m in reader.iter_decoded_messages(topics=["/stereo/points"])]
+    assert len(clouds) == 2
+    for cloud in clouds:
+        rows = np.frombuffer(cloud.data, np.uint8).reshape(-1, cloud.point_stride)
+        assert np.isfinite(rows[:, :12].copy().view("<f4")).all()
+
+
+def test_a_bin_of_organised_clouds_holds_points_alone(drive, tmp_path, capsys):
+    options = ("--to", "pcd,bin", "--reproject.organised", "--frames", "0:1")
+    assert convert(capsys, drive, tmp_path, *options)[0] == 0
+    cloud = read_pcd(tmp_path / "pcd" / "000000.pcd")
+    assert cloud.shape == (64, 128)
+    records = np.fromfile(tmp_path / "bin" / "000000.bin", "<f4").reshape(-1, 4)
+    assert np.isfinite(records).all()
+    assert len(records) == np.isfinite(cloud.xyz).all(axis=1).sum()
+
+
+# --- calibration and scans of KITTI (rows 18 to 20, 30 to 32) ---------------------------------
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory) -> Path:
+    """A small street as KITTI raw data."""
+    root = tmp_path_factory.mktemp("kitti") / "raw"
+    options = ["--frames", "3", "--width-px", "240", "--height-px", "96"]
+    assert main(["synth", str(root), *options]) == 0
+    return root
+
+
+@pytest.fixture
+def raw(written, tmp_path) -> Path:
+    """The same, for a test that damages it."""
+    return Path(shutil.copytree(written, tmp_path / "raw"))
+
+
+def line_of(text, key):
+    return next(line for line in text.splitlines() if line.startswith(key))
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "change", "code", "said"),
+    [
+        (CAM_TO_CAM, "P_rect_03", lambda line: "", "CalibrationField", "P_rect_03"),
+        (VELO_TO_CAM, "T:", lambda line: "", "CalibrationField", "T"),
+        (CAM_TO_CAM, "P_rect_02", lambda line: line.rsplit(" ", 1)[0], "CalibrationSyntax", "12"),
+        *(
+            (CAM_TO_CAM, "P_rect_02", lambda line, bad=bad: line.rsplit(" ", 1)[0] + " " + bad,
+             "CalibrationSyntax", "line")
+            for bad in ("nan", "inf", "1_000", "1,5", "\uff11", "abc")
+        ),
+    ],
+)  # fmt: skip
+def test_a_broken_calibration_is_refused_by_place(
+    raw, tmp_path, capsys, name, key, change, code, said
+):
+    (file,) = raw.rglob(name)
+    text = file.read_text()
+    line = line_of(text, key)
+    file.write_text(text.replace(line, change(line)), encoding="utf-8")
+    ended, answer = convert(capsys, raw, tmp_path / "out")
+    error = answer["error"]
+    assert (ended, error["code"], error["path"]) == (3, code, str(file))
+    assert said in " ".join(map(str, error.values()))
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("cut", "ended"), [(-7, 4), (None, 0)], ids=["a fraction of a point", "no point at all"]
+)
+def test_a_broken_scan_costs_its_frame_and_an_empty_one_nothing(raw, tmp_path, capsys, cut, ended):
+    scan = sorted(raw.rglob("velodyne_points/data/*.bin"))[1]
+    scan.write_bytes(scan.read_bytes()[:cut] if cut else b"")
+    out = tmp_path / "out"
+    code, report = convert(capsys, raw, out, "--to", "pcd,mcap")
+    assert (code, report["skipped"]) == (ended, 1 if ended else 0)
+    assert [kind for kind, _ in skips(out).values()] == ["PointFileTruncated"] * (ended == 4)
+
+
+# --- names of any bytes (row 50) --------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["with space", "snow\u2603man \U0001f600", "a\nb", "raw\udcff"])
+def test_names_of_any_bytes_work_and_are_shown_escaped(drive, tmp_path, capsys, name):
+    source, out = tmp_path / name, tmp_path / f"out {name}"
+    shutil.copytree(drive, source)
+    code, report = convert(capsys, source, out, "--to", "pcd,mcap", "--frames", "0:2")
+    assert (code, report["committed"]) == (0, 2)
+    assert len(list((out / "pcd").iterdir())) == 2
+    assert len(list(out.glob("*.mcap"))) == 1
+    (out / "report.html").read_text(encoding="utf-8")
+    json.loads((out / "run.json").read_text(encoding="utf-8"))
+    code, answer = convert(capsys, source / "absent", out)
+    assert code == 3
+    assert "\n" not in answer["error"]["got"]
+
+
+def test_a_picture_with_a_long_name(drive, tmp_path, capsys):
+    """As long as a file system allows: the output's temporary name must still fit."""
+    name = "\U0001f600" * 61
+    for eye in ("left", "right"):
+        (tmp_path / "d" / eye).mkdir(parents=True)
+        shutil.copy(drive / eye / "000000.png", tmp_path / "d" / eye / f"{name}.png")
+    shutil.copy(drive / "rig.json", tmp_path / "d")
+    code, report = convert(capsys, tmp_path / "d", tmp_path / "out")
+    assert (code, report["committed"]) == (0, 1)
+
+
+# --- disks (rows 56, 58, 62) ------------------------------------------------------------------
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 16 MB."""
+    place = tmp_path / "small"
+    place.mkdir()
+    line = ["mount", "-t", "tmpfs", "-o", "size=16m", "tmpfs", str(place)]
+    if (
+        not shutil.which("mount")
+        or subprocess.run(line, capture_output=True, check=False).returncode
+    ):
+        pytest.skip("no file system may be mounted here")
+    yield place
+    subprocess.run(["umount", "-l", str(place)], check=True)
+
+
+def test_a_full_disk_is_told_and_continued_once_there_is_room(drive, small_disk, tmp_path, capsys):
+    options = ("--to", "pcd,ply,mcap", "--frames", "0:6")
+    whole = tmp_path / "whole"
+    assert convert(capsys, drive, whole, *options)[0] == 0
+    size = sum(path.stat().st_size for path in whole.rglob("*") if path.is_file())
+    out = small_disk / "out"
+    filler = small_disk / "filler"
+    filler.write_bytes(bytes(16 * 1024**2 - size // 2))
+    code, answer = convert(capsys, drive, out, *options)
+    error = answer["error"]
+    assert (code, error["code"]) == (5, "OutputError")
+    assert "bytes" in error["got"] + error["want"]
+    assert "free" in error["got"] + error["want"] + error["fix"]
+    assert not list(small_disk.rglob("*.tmp"))
+    filler.unlink()
+    assert convert(capsys, drive, out, *options)[0] == 0
+    for path in whole.rglob("*.pcd"):
+        assert (out / "pcd" / path.name).read_bytes() == path.read_bytes()
+
+
+def test_the_second_of_two_runs_is_told_who_is_first(drive, tmp_path, capsys):
+    with own_folder(tmp_path):
+        code, answer = convert(capsys, drive, tmp_path)
+    error = answer["error"]
+    assert (code, error["code"], error["path"]) == (5, "OutputLocked", str(tmp_path))
+    assert f"process {os.getpid()} on {socket.gethostname()}" in error["got"]
+    assert "since 20" in error["got"]
+
+
+def test_a_frame_is_durable_before_the_journal_says_so(drive, tmp_path, monkeypatch, capsys):
+    """Its bytes, then its name, then the folder, then the journal's line."""
+    events = []
+    fsync, replace = os.fsync, os.replace
+
+    def noted_fsync(descriptor):
+        events.append(("fsync", str(Path(f"/proc/self/fd/{descriptor}").readlink())))
+        fsync(descriptor)
+
+    def noted_replace(source, target, **options):
+        events.append(("rename", str(source), str(target)))
+        replace(source, target, **options)
+
+    if not sys.platform.startswith("linux"):
+        pytest.skip("names of descriptors are Linux's")
+    monkeypatch.setattr(os, "fsync", noted_fsync)
+    monkeypatch.setattr(os, "replace", noted_replace)
+    assert convert(capsys, drive, tmp_path, "--frames", "0:2", "--to", "pcd,bin")[0] == 0
+    journal = ("fsync", str(tmp_path / "journal.jsonl"))
+    for frame, nth in (("000000", 1), ("000001", 2)):
+        told = [i for i, event in enumerate(events) if event == journal][nth]
+        for kind in ("pcd", "bin"):
+            target = str(tmp_path / kind / f"{frame}.{kind}")
+            (renamed,) = (i for i, event in enumerate(events) if event[-1] == target)
+            written = events.index(("fsync", events[renamed][1]))
+            folder = events.index(("fsync", str(tmp_path / kind)), renamed)
+            assert written < renamed < folder < told
