@@ -72,8 +72,11 @@ def fit(samples: DisparitySamples, *, origin: str = "") -> DisparityCorrection:
 
 
 def _usable(samples: DisparitySamples) -> DisparitySamples:
-    finite = np.isfinite(samples.measured) & np.isfinite(samples.reference)
-    return samples[finite & (samples.measured > 0)]
+    usable = np.isfinite(samples.measured) & np.isfinite(samples.reference)
+    usable &= samples.measured > 0
+    if samples.sigma is not None:
+        usable &= np.isfinite(samples.sigma) & (samples.sigma > 0)
+    return samples[usable]
 
 
 def _coefficients(samples: DisparitySamples) -> Float64:

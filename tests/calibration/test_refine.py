@@ -98,6 +98,23 @@ def test_pixels_without_a_disparity_do_not_count():
     )
 
 
+def test_unsure_samples_say_less():
+    """Half of the samples are off by 2 px, and their sigma tells that they may be."""
+    data, unsure = samples(outliers=0.0), np.arange(32_000) % 2 == 0
+    biased = replace(data, measured=data.measured + 2.0 * unsure)
+    told = replace(biased, sigma=np.where(unsure, 5.0, NOISE_PX))
+    errors_px = [np.median(offset_errors_px(fit(each), data)) for each in (biased, told)]
+    assert errors_px[1] < 0.2 < 0.5 < errors_px[0]
+
+
+@pytest.mark.parametrize("sigma_px", [0.0, np.nan, np.inf])
+def test_samples_without_a_real_sigma_do_not_count(sigma_px):
+    data = replace(samples(), sigma=np.full(32_000, NOISE_PX))
+    known = np.arange(32_000) % 2 == 1
+    given = replace(data, sigma=np.where(known, data.sigma, sigma_px))
+    np.testing.assert_allclose(fit(given).coefficients, fit(data[known]).coefficients)
+
+
 def test_too_little_data_is_refused():
     with pytest.raises(CalibrationValue, match="samples"):
         fit(samples(frames=1, each=400))
