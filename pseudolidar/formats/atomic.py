@@ -78,7 +78,7 @@ def write_group(files: Mapping[Path, bytes]) -> None:
             for path, data in files.items():
                 path.parent.mkdir(parents=True, exist_ok=True)
                 file = opened.enter_context(temporaries[path].open("xb", buffering=0))
-                _write_all(file, data)
+                write_all(file, data)
                 descriptors.append(file.fileno())
             for descriptor in descriptors:
                 os.fsync(descriptor)
@@ -95,11 +95,18 @@ def write_group(files: Mapping[Path, bytes]) -> None:
                 temporary.unlink(missing_ok=True)
 
 
-def _write_all(file: io.RawIOBase | BinaryIO, data: bytes) -> None:
+def write_all(file: io.RawIOBase | BinaryIO, data: bytes | memoryview) -> None:
+    """Write all of `data` to an unbuffered file, which may take it in pieces.
+
+    Raises:
+        OSError: the disk is full (told when the rest is tried), or nothing is taken at all.
+    """
     view = memoryview(data)
     while view:
-        # A raw write may take a part only; a disk that is full then fails on the next one.
-        view = view[file.write(view) or 0 :]
+        written = file.write(view)
+        if not written:
+            raise OSError(errno.EIO, "nothing was written")
+        view = view[written:]
 
 
 def temporary_beside(path: Path) -> Path:

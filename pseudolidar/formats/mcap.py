@@ -9,7 +9,6 @@ another, so the result is what an uninterrupted run writes.
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
 from collections.abc import Iterator, Sequence
 from io import FileIO
@@ -20,7 +19,7 @@ from typing import Self
 from mcap.opcode import Opcode
 
 from pseudolidar.errors import RecordingError, SequenceTime
-from pseudolidar.formats.atomic import drop_from_cache, fsync_folder, output_error
+from pseudolidar.formats.atomic import drop_from_cache, fsync_folder, output_error, write_all
 from pseudolidar.formats.checksum import crc32
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.mcap_check import McapSummary, check_mcap
@@ -183,7 +182,7 @@ class McapLog:
         try:
             self._file.seek(self._offset)
             for part in parts:
-                _write_all(self._file, part)
+                write_all(self._file, part)
             if sync:
                 os.fsync(self._file.fileno())
                 drop_from_cache(self._file.fileno())
@@ -241,16 +240,6 @@ def _frame(record: RawRecord, limits: Limits) -> FrameChunk:
     chunk = PackedChunk.parse(record)
     records = unpacked(chunk, record.offset, limits)
     return describe_chunk(chunk, records, offset=record.offset)
-
-
-def _write_all(file: FileIO, data: bytes | memoryview) -> None:
-    """Write all of `data`; an unbuffered file may take it in pieces."""
-    view = memoryview(data)
-    while view:
-        written = file.write(view)
-        if not written:
-            raise OSError(errno.EIO, "nothing was written")
-        view = view[written:]
 
 
 @contextlib.contextmanager
