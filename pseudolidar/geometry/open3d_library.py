@@ -6,8 +6,10 @@ import contextlib
 import ctypes
 import importlib
 import io
+import signal
 import sys
 import threading
+from collections.abc import Iterator
 from typing import Any
 
 from pseudolidar.errors import MissingDependency
@@ -30,7 +32,7 @@ def load_open3d() -> Any:
         _load_libusb()
         try:
             # It greets on standard output inside notebooks, which would break `--json`.
-            with contextlib.redirect_stdout(io.StringIO()):
+            with contextlib.redirect_stdout(io.StringIO()), _signals_wait():
                 open3d = importlib.import_module("open3d")
         except (ImportError, OSError) as error:
             raise MissingDependency(
@@ -42,6 +44,28 @@ def load_open3d() -> Any:
             ) from error
         open3d.utility.set_verbosity_level(open3d.utility.VerbosityLevel.Error)
         return open3d
+
+
+@contextlib.contextmanager
+def _signals_wait() -> Iterator[None]:
+    """A block that Ctrl-C and SIGTERM end only when it is over.
+
+    An exception out of a signal's handler would surface inside open3d's own code, as an import that
+    failed, and leave half of open3d behind.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    previous = {n: signal.signal(n, lambda number, _frame: came.append(number)) for n in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+    for first in came[:1]:
+        signal.raise_signal(first)
 
 
 def _load_libusb() -> None:

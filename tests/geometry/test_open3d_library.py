@@ -45,3 +45,24 @@ def test_a_libusb_that_does_not_load_is_named(monkeypatch, tmp_path) -> None:
     monkeypatch.setattr("libusb_package.get_library_path", lambda: broken)
     with pytest.raises(MissingDependency, match="libusb"):
         open3d_library.load_open3d()
+
+
+INTERRUPTED = """
+import os, signal, sys, threading
+from pseudolidar.geometry.open3d_library import load_open3d
+
+threading.Timer(0.15, os.kill, (os.getpid(), signal.SIGINT)).start()
+try:
+    load_open3d()
+except KeyboardInterrupt:
+    print("whole" if hasattr(sys.modules["open3d"], "t") else "half")
+print(load_open3d().__name__)
+"""
+
+
+def test_an_interrupt_waits_until_open3d_is_whole():
+    """It ended inside open3d, as an import that failed and could not be tried again."""
+    ended = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, check=False
+    )
+    assert (ended.returncode, ended.stdout.split()) == (0, ["whole", "open3d"]), ended.stderr
