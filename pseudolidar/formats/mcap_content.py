@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from pseudolidar.errors import UsageError
+
 Compression = Literal["lz4", "zstd", "none"]
 
 
@@ -34,6 +36,12 @@ class McapContent:
     scan: bool = True
     labels: bool = True
     compression: Compression = "none"
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.jpeg_quality <= 100:
+            raise UsageError(
+                f"a JPEG quality of {self.jpeg_quality}", want="0 to 100", where="jpeg_quality"
+            )
 
 
 DEFAULT_CONTENT = McapContent()

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Generic, TypeVar
 
-from pseudolidar.errors import FrameError, PseudolidarError
+from pseudolidar.errors import FrameError, PseudolidarError, UsageError
 from pseudolidar.running.crew import Crew
 from pseudolidar.running.memory import keep_freed_memory
 from pseudolidar.sources.source import FrameSource
@@ -83,9 +83,14 @@ def stream(
         workers: threads; None for one per core.
         skip: ids that are left out (committed before).
 
+    Raises:
+        UsageError: less than one worker.
+
     Yields:
         First what the source refused when it was opened, then every other frame by index.
     """
+    if workers is not None and workers < 1:
+        raise UsageError(f"{workers} workers", want="at least 1", where="--workers")
     yield from (Skipped(name, None, error) for name, error in source.refused)
     workers = workers or default_workers()
     keep_freed_memory()

@@ -11,7 +11,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from pseudolidar.errors import SequenceTime, StructureError
+from pseudolidar.errors import SequenceTime, StructureError, UsageError
 from pseudolidar.formats.mcap import McapLog
 from pseudolidar.formats.mcap_check import check_mcap
 from pseudolidar.formats.mcap_content import McapContent
@@ -455,3 +455,9 @@ def test_our_own_check_finds_no_fault(recording: Path) -> None:
     assert summary.messages == dict.fromkeys(sorted(EVERYTHING), 3)
     assert (summary.frames, summary.skipped) == (3, ())
     assert (summary.start_ns, summary.end_ns) == (TIME_NS, TIME_NS + 200_000_000)
+
+
+@pytest.mark.parametrize("quality", [-1, 101])
+def test_a_quality_that_jpeg_has_not_is_refused(quality: int) -> None:
+    with pytest.raises(UsageError, match="0 to 100"):
+        McapContent(jpeg_quality=quality)

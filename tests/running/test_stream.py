@@ -3,7 +3,7 @@ import threading
 import cv2
 import pytest
 
-from pseudolidar.errors import FrameError, ImageMissing, PairMismatch
+from pseudolidar.errors import FrameError, ImageMissing, PairMismatch, UsageError
 from pseudolidar.running.stream import IN_FLIGHT_PER_WORKER, Done, Skipped, stream
 
 
@@ -17,6 +17,12 @@ def test_results_come_in_order_and_do_not_depend_on_workers(texture_source, work
     done = list(stream(source, pixel_sum, workers=workers))
     assert [frame.id for frame in done] == list(source.ids)
     assert [frame.value for frame in done] == [pixel_sum(source.load(i)) for i in range(23)]
+
+
+@pytest.mark.parametrize("workers", [0, -1])
+def test_no_workers_is_refused(texture_source, workers):
+    with pytest.raises(UsageError, match="--workers"):
+        list(stream(texture_source(2), pixel_sum, workers=workers))
 
 
 def test_order_holds_when_early_frames_are_slow(texture_source):
