@@ -30,7 +30,7 @@ from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSource
 from pseudolidar.stereo.census import Census
-from pseudolidar.stereo.matcher import StereoMatcher
+from pseudolidar.stereo.matcher import DEFAULT_MIN_DEPTH_M, StereoMatcher
 from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.frame import StereoFrame
@@ -81,7 +81,7 @@ class Convert:
     exclude: FrameSelection | None = None
     rig: Path | None = None
     scale_calibration: bool = False
-    min_depth: float = 3.0
+    min_depth: float = DEFAULT_MIN_DEPTH_M
     frame: CloudFrame | None = None
     workers: Annotated[int | None, RUN_ONLY] = None
     on_error: Annotated[OnError, RUN_ONLY] = "skip"

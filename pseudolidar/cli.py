@@ -8,7 +8,6 @@ from typing import TextIO
 
 from pseudolidar.commandline.arguments import take_switch
 from pseudolidar.commandline.outcome import (
-    DONE,
     as_known,
     error_object,
     exit_code_of,
@@ -22,7 +21,7 @@ from pseudolidar.commandline.streams import (
     output_kept_clean,
     write_result,
 )
-from pseudolidar.errors import Interrupted, UsageError
+from pseudolidar.errors import ALL_DONE, Interrupted, UsageError
 from pseudolidar.running.kernel_cache import prepare_kernel_cache
 from pseudolidar.running.signals import Stopped, StopSignals
 
@@ -41,10 +40,10 @@ def main(argv: list[str] | None = None) -> int:
     escape_what_the_terminal_cannot_show()
     if not args or args[0] in ("-h", "--help"):
         write_result(sys.stdout if args else sys.stderr, overview())
-        return DONE if args else UsageError.exit_code
+        return ALL_DONE if args else UsageError.exit_code
     if args[0] == "--version":
         write_result(sys.stdout, version_line())
-        return DONE
+        return ALL_DONE
     prepare_kernel_cache()
     as_json, debug = take_switch(args, "--json"), take_switch(args, "--debug")
     results = output_kept_clean() if as_json else contextlib.nullcontext(sys.stdout)
@@ -60,7 +59,7 @@ def _run(args: list[str], out: TextIO, *, as_json: bool, debug: bool) -> int:
         write_result(out, json_text(report.as_dict()) if as_json else report.text())
         return report.exit_code
     except SystemExit:  # help was shown
-        return DONE
+        return ALL_DONE
     except KeyboardInterrupt as stop:
         known: Exception = Interrupted(
             "stopped by a signal", fix="Run the same command again to continue."

@@ -11,7 +11,6 @@ from typing import Any, Protocol
 
 from pseudolidar.errors import MissingDependency, PseudolidarError, printable
 
-DONE = 0
 BUG_EXIT_CODE = 1
 
 

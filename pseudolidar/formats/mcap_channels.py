@@ -76,6 +76,13 @@ POINTS = "/stereo/points"
 SCAN = "/velodyne/points"
 LABELS = "/labels"
 
+DISPARITY_MEANING = {
+    "unit": "px",
+    "invalid": "NaN",
+    "sign": "x_left - x_right",
+    "correction": "as matched: a rig's disparity correction is in depth and points only",
+}
+
 TOPICS = (
     Topic(FRAME, Log, {"name": "frame id of the source", "sequence": "index in the source"}),
     Topic(LOG, Log),
@@ -84,7 +91,7 @@ TOPICS = (
     Topic(LEFT_CALIBRATION, CameraCalibration),
     Topic(RIGHT_IMAGE, CompressedImage),
     Topic(RIGHT_CALIBRATION, CameraCalibration),
-    Topic(DISPARITY, RawImage, {"unit": "px", "invalid": "NaN", "sign": "x_left - x_right"}),
+    Topic(DISPARITY, RawImage, DISPARITY_MEANING),
     Topic(DEPTH, RawImage, DEPTH_MEANING),
     Topic(DEPTH_PNG, CompressedImage, DEPTH_MEANING),
     Topic(POINTS, PointCloud, POINTS_MEANING),

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from pseudolidar.formats.mcap_prolog import McapProlog
 
 SYNTHETIC_TIME = "time: synthetic"
+# Settings of sources that are paths; a rig file counts by its content.
+SOURCE_PLACES = ("path", "right", "rig")
 _UNFIT_FOR_A_NAME = re.compile(r"[^\w.+-]+")
 
 
@@ -26,19 +28,26 @@ def identity(job: Any, source: FrameSource) -> dict[str, Any]:
     Paths are resolved, so that it does not matter where the command is called from; of the
     calibration its content counts, and not which file it came from.
     """
-    settings = without_places(result_settings(job))
-    path = Path(source.summary.path)
+    wanted = result_settings(job)
+    settings = without_places(wanted)
     return {
         "version": __version__,
-        "source_path": str(path.resolve() if path.exists() else path),
+        "source_path": _resolved(source.summary.path),
+        "source_right": _resolved(wanted.get("source", {}).get("right") or ""),
         "calibration": hashlib.sha256(calibration_text(source).encode()).hexdigest(),
         **settings,
     }
 
 
+def _resolved(place: str) -> str:
+    path = Path(place)
+    return str(path.resolve()) if place and path.exists() else place
+
+
 def without_places(settings: dict[str, Any]) -> dict[str, Any]:
     """Settings without what says only where things lie: a recording must not tell."""
-    source = {key: value for key, value in settings.get("source", {}).items() if key != "path"}
+    given = settings.get("source", {})
+    source = {key: value for key, value in given.items() if key not in SOURCE_PLACES}
     return {key: value for key, value in settings.items() if key != "rig"} | {"source": source}
 
 

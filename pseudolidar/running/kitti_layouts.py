@@ -11,9 +11,10 @@ from typing import Literal
 from pseudolidar.formats.disparity_png import encode_disparity_png
 from pseudolidar.formats.image import encode_png
 from pseudolidar.formats.kitti import write_object_calib, write_odometry_calib, write_raw_calib
+from pseudolidar.formats.kitti_calibration import FRAME_CAM0
 from pseudolidar.formats.labels import encode_labels
 from pseudolidar.formats.oxts import OxtsPacket, packet_at, write_oxts
-from pseudolidar.formats.timestamps import write_times, write_timestamps
+from pseudolidar.formats.timestamps import NS_PER_S, write_times, write_timestamps
 from pseudolidar.formats.trajectory import camera_poses, write_kitti_poses
 from pseudolidar.formats.velodyne_bin import encode_velodyne_bin
 from pseudolidar.geometry.frames import left_in_base_link
@@ -48,7 +49,7 @@ class Drive:
     @property
     def raw_folder(self) -> str:
         """`DATE/DATE_drive_NNNN_sync` of the raw data."""
-        start = datetime.fromtimestamp(self.timestamps_ns[0] / 1e9, UTC)
+        start = datetime.fromtimestamp(self.timestamps_ns[0] // NS_PER_S, UTC)
         return f"{start:%Y_%m_%d}/{start:%Y_%m_%d}_drive_{self.number:04d}_sync"
 
 
@@ -135,7 +136,7 @@ def _odometry(folder: Path, drive: Drive) -> None:
     write_odometry_calib(place / "calib.txt", drive.rig)
     start_ns = drive.timestamps_ns[0]
     write_times(place / "times.txt", [stamp - start_ns for stamp in drive.timestamps_ns])
-    T_base_link_cam0 = replace(left_in_base_link(drive.rig), src="cam0")
+    T_base_link_cam0 = replace(left_in_base_link(drive.rig), src=FRAME_CAM0)
     poses = camera_poses(drive.poses, T_base_link_cam0)
     write_kitti_poses(folder / "poses" / f"{SEQUENCE}.txt", poses)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pseudolidar import __version__
-from pseudolidar.errors import printable
+from pseudolidar.errors import ALL_DONE, SOME_SKIPPED, printable
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.running.record import FrameRecord
 from pseudolidar.running.settings_json import to_json
@@ -19,7 +19,6 @@ from pseudolidar.running.settings_schema import choice_name
 from pseudolidar.sources.source import SourceSummary
 
 SCHEMA = 1
-ALL_DONE, SOME_SKIPPED = 0, 4
 # Skipped frames named one by one on the terminal; report.json has all.
 NAMED_SKIPS = 5
 

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from pseudolidar.running.folder import inside
 from pseudolidar.running.record import FrameRecord
+from pseudolidar.stereo.grey import shift_to_8_bits
 from pseudolidar.structures.arrays import UInt8
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DisparityMap
@@ -62,7 +63,7 @@ class FrameSample:
         step = max(1, -(-max(frame.size_px) // MAX_SIDE_PX))
         photo, small = frame.left[::step, ::step], disparity.values[::step, ::step]
         if photo.dtype != np.uint8:
-            photo = (photo >> 8).astype(np.uint8)
+            photo = (photo >> shift_to_8_bits(frame.left, frame.right)).astype(np.uint8)
         truth = np.full_like(small, np.nan) if frame.truth is None else frame.truth.values
         truth = truth[::step, ::step] if truth.shape != small.shape else truth
         half = (small.astype(np.float16), truth.astype(np.float16))

@@ -15,10 +15,3 @@ class StereoMatcher(Protocol):
 
     def __call__(self, frame: StereoFrame) -> DisparityMap:
         """Disparity of the left image of `frame`, with sigma where the matcher estimates it."""
-
-
-class MatcherSettings(Protocol):
-    """Settings of a matcher; a frozen, picklable dataclass that imports nothing heavy."""
-
-    def load(self, *, min_depth_m: float = DEFAULT_MIN_DEPTH_M) -> StereoMatcher:
-        """The matcher, for scenes no nearer than `min_depth_m` (unless the range is set)."""

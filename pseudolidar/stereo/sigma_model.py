@@ -19,11 +19,11 @@ import numpy as np
 
 from pseudolidar.errors import StructureError
 from pseudolidar.structures.arrays import Float32, Float64
+from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
 
 FEATURES = ("support", "same", "size", "spread", "distinct")
 # Degrees of freedom of the Student t that residuals are fitted with: errors have heavy tails.
 STUDENT_FREEDOM = 3.0
-ONE_SIGMA = 0.6827
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def fit_sigma(features: Float64, errors_px: Float64) -> SigmaModel:
         return float(value.mean() + ridge * (penalty @ penalty)), slope + 2 * ridge * penalty
 
     w = minimize(loss, np.zeros(design.shape[1]), jac=True, method="L-BFGS-B").x
-    w[0] += np.log(np.quantile(absolute / np.exp(design @ w), ONE_SIGMA))
+    w[0] += np.log(np.quantile(absolute / np.exp(design @ w), ONE_SIGMA_SHARE))
     return _unscaled(w / np.log(2), mean, scale, low, high)
 
 

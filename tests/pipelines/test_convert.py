@@ -25,6 +25,7 @@ from pseudolidar.formats.velodyne_bin import read_velodyne_bin
 from pseudolidar.running.outputs import Outputs
 from pseudolidar.running.record import FrameRecord
 from pseudolidar.running.samples import read_samples, sampled_frames
+from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.selection import FrameSelection
 from pseudolidar.stereo.census import Census
@@ -89,6 +90,15 @@ def test_frames_of_clouds(drive, tmp_path):
     with pytest.raises(CalibrationField, match="--frame camera_left"):
         run(job(drive, tmp_path / "other", frame="velodyne"))
     assert not (tmp_path / "other").exists()
+
+
+def test_a_recording_tells_no_place(own_drive, tmp_path):
+    rig = (own_drive / "rig.json").rename(tmp_path / "mine.json")
+    source = Folders(str(own_drive / "left"), right=str(own_drive / "right"), rig=str(rig))
+    out = tmp_path / "out"
+    run(Convert(source, out, to=Outputs.parse("mcap"), frames=FrameSelection.parse("0:1")))
+    (recording,) = out.glob("*.mcap")
+    assert str(tmp_path).encode() not in recording.read_bytes()
 
 
 def test_a_rig_file_serves_folders_that_have_none(own_drive, tmp_path):
