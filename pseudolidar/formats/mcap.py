@@ -9,6 +9,7 @@ another, so the result is what an uninterrupted run writes.
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 from collections.abc import Iterator, Sequence
 from io import FileIO
@@ -38,8 +39,10 @@ __all__ = ["McapLog", "McapProlog", "frames_in", "part_path", "whole_frames"]
 
 PART_SUFFIX = ".part"
 
-# Frames that are read back after writing (20 ms each where they hold a dense cloud).
+# Every byte is read back by its CRC when it was written; of so many frames the messages are read
+# once more from the complete file (20 ms each where they hold a dense cloud).
 CHECKED_FRAMES = 50
+READ_BLOCK_BYTES = 1 << 20
 
 
 class McapLog:
@@ -185,12 +188,26 @@ class McapLog:
                 write_all(self._file, part)
             if sync:
                 os.fsync(self._file.fileno())
+                self._read_back(parts)
                 drop_from_cache(self._file.fileno())
         except OSError as error:
             with contextlib.suppress(OSError):
                 self._file.truncate(self._offset)
             raise output_error(self.path, error, sum(map(len, parts))) from error
         self._advance(*parts)
+
+    def _read_back(self, parts: Sequence[bytes | memoryview]) -> None:
+        """Raise `OSError` unless the file holds what was written: by the CRC of every byte."""
+        expected, found = 0, 0
+        for part in parts:
+            expected = crc32(part, expected)
+        left = sum(map(len, parts))
+        block = memoryview(bytearray(READ_BLOCK_BYTES))
+        self._file.seek(self._offset)
+        while left and (count := self._file.readinto(block[: min(left, len(block))])):
+            found, left = crc32(block[:count], found), left - count
+        if left or found != expected:
+            raise OSError(errno.EIO, "what was written does not read back")
 
     def _advance(self, *parts: bytes | memoryview) -> None:
         for part in parts:

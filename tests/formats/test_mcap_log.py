@@ -11,6 +11,7 @@ import time
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pytest
@@ -279,6 +280,7 @@ def test_frames_of_what_is_no_recording(tmp_path: Path) -> None:
 CHILD = """
 import json, pickle, resource, sys
 from pathlib import Path
+from typing import BinaryIO
 from pseudolidar.errors import OutputError
 from pseudolidar.formats.mcap import McapLog
 path, limit = Path(sys.argv[1]), int(sys.argv[2])
@@ -369,3 +371,23 @@ def test_damage_after_writing_is_found(
         file.write(b"damage")
     with pytest.raises(RecordingError):
         log.close()
+
+
+def test_what_does_not_read_back_is_refused_and_the_frames_before_stay(
+    tmp_path: Path, chunks: list[FrameChunk], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.mcap"
+    whole = record(tmp_path / "whole.mcap", chunks)
+
+    def write_wrong(file: BinaryIO, data: bytes) -> None:
+        file.write(bytes(data[:-1]) + bytes([data[-1] ^ 1]) if data else b"")
+
+    with McapLog(path, PROLOG) as log:
+        log.append(chunks[0])
+        with monkeypatch.context() as broken_disk:
+            broken_disk.setattr("pseudolidar.formats.mcap.write_all", write_wrong)
+            with pytest.raises(OutputError, match="does not read back"):
+                log.append(chunks[1])
+        for part in chunks[1:]:
+            log.append(part)
+    assert path.read_bytes() == whole
