@@ -24,6 +24,9 @@ from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
 FEATURES = ("support", "same", "size", "spread", "distinct")
 # Degrees of freedom of the Student t that residuals are fitted with: errors have heavy tails.
 STUDENT_FREEDOM = 3.0
+# Fewer cannot tell eleven coefficients; and how much the squares of those count, in log-likelihood
+# a sample: it only keeps them finite where a feature is constant.
+MIN_SAMPLES, RIDGE = 1000, 1e-4
 
 
 @dataclass(frozen=True)
@@ -69,14 +72,14 @@ def fit_sigma(features: Float64, errors_px: Float64) -> SigmaModel:
     """
     from scipy.optimize import minimize
 
-    if len(errors_px) < 1000:
-        raise StructureError(f"{len(errors_px)} samples", want="at least 1000", where="fit_sigma")
+    if len(errors_px) < MIN_SAMPLES:
+        raise StructureError(f"{len(errors_px)} samples", want=f"at least {MIN_SAMPLES}", where="fit_sigma")
     low, high = np.quantile(features, (0.001, 0.999), axis=0)
     f = np.clip(features, low, high)
     mean, scale = f.mean(axis=0), f.std(axis=0) + 1e-9
     z = (f - mean) / scale
     design = np.hstack([np.ones((len(z), 1)), z, z * z])
-    absolute, nu, ridge = np.abs(errors_px), STUDENT_FREEDOM, 1e-4
+    absolute, nu, ridge = np.abs(errors_px), STUDENT_FREEDOM, RIDGE
 
     def loss(w: Float64) -> tuple[float, Float64]:
         log_sigma = design @ w
