@@ -73,7 +73,9 @@ def fit_sigma(features: Float64, errors_px: Float64) -> SigmaModel:
     from scipy.optimize import minimize
 
     if len(errors_px) < MIN_SAMPLES:
-        raise StructureError(f"{len(errors_px)} samples", want=f"at least {MIN_SAMPLES}", where="fit_sigma")
+        raise StructureError(
+            f"{len(errors_px)} samples", want=f"at least {MIN_SAMPLES}", where="fit_sigma"
+        )
     low, high = np.quantile(features, (0.001, 0.999), axis=0)
     f = np.clip(features, low, high)
     mean, scale = f.mean(axis=0), f.std(axis=0) + 1e-9
