@@ -28,12 +28,13 @@ from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select
-from pseudolidar.sources.source import FrameSource
+from pseudolidar.sources.source import FrameSequence
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.matcher import DEFAULT_MIN_DEPTH_M, StereoMatcher
 from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
 
 _log = logging.getLogger(__name__)
 
@@ -107,20 +108,19 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
             log.append(frame.id, frame.value.chunk)
             run.commit(frame)
     result = run.result()
-    page = write_conversion_page(
-        job.out, result, source.rig, settings={"matcher": described(job.matcher)}
-    )
+    chosen = {"matcher": described(job.matcher)} if source.yields is StereoFrame else {}
+    page = write_conversion_page(job.out, result, source.rig, settings=chosen)
     return ConvertReport(result, job.out, job.to, page)
 
 
 @dataclass(frozen=True)
 class ConvertFrame:
-    """One pair to the bytes of its outputs: pure, picklable, one thread.
+    """One frame to the bytes of its outputs: pure, picklable, one thread.
 
     Args:
         matcher: pair to disparity.
         reproject: disparity to points.
-        frame: coordinate frame of the clouds.
+        frame: coordinate frame of the clouds, None for the usual one of what a frame knows.
         outputs: what is encoded.
         content: what the recording holds.
         sampled: ids of the frames that the report shows.
@@ -128,44 +128,52 @@ class ConvertFrame:
 
     matcher: StereoMatcher
     reproject: Reprojector
-    frame: CloudFrame
+    frame: CloudFrame | None
     outputs: Outputs
     content: McapContent
     sampled: frozenset[str]
 
     @classmethod
-    def of(cls, job: Convert, source: FrameSource) -> ConvertFrame:
+    def of(cls, job: Convert, source: FrameSequence[Frame]) -> ConvertFrame:
         """With everything heavy loaded.
 
         Raises:
             CalibrationField: the rig does not say where the wanted frame is.
         """
-        frame = job.frame or default_frame(source.rig)
-        left_in(source.rig, frame)
+        if source.rig is not None:
+            left_in(source.rig, job.frame or default_frame(source.rig))
         matcher, reproject = job.matcher.load(min_depth_m=job.min_depth), job.reproject.load()
-        return cls(matcher, reproject, frame, job.to, job.mcap, sampled_frames(source.ids))
+        return cls(matcher, reproject, job.frame, job.to, job.mcap, sampled_frames(source.ids))
 
-    def __call__(self, frame: StereoFrame) -> Product:
-        """Match, reproject, encode.
+    def __call__(self, frame: Frame) -> Product:
+        """Match and reproject a pair, take a cloud as it is; encode.
 
         Raises:
             PairIdentical, LowTexture: there is nothing to be seen.
             StereoConfig: the image is too narrow for the disparities searched.
         """
+        match frame:
+            case StereoFrame():
+                converted = self.pair(frame)
+            case RecordedCloud():
+                converted = Converted(frame, frame.cloud)
+            case DepthFrame():
+                raise NotImplementedError
+        sampled = frame.id in self.sampled
+        return encoded(converted, self.outputs, self.content, sampled=sampled)
+
+    def pair(self, frame: StereoFrame) -> Converted:
+        """Match and reproject."""
         check_pair(frame)
         disparity = self.matcher(frame)
         check_texture(frame, disparity)
         depth = depth_map(disparity, frame.rig)
-        cloud = self.reproject(frame, disparity).transformed(left_in(frame.rig, self.frame))
-        return encoded(
-            Converted(frame, disparity, depth, cloud),
-            self.outputs,
-            self.content,
-            sampled=frame.id in self.sampled,
-        )
+        cloud = self.reproject(frame, disparity)
+        placed = cloud.transformed(left_in(frame.rig, self.frame or default_frame(frame.rig)))
+        return Converted(frame, placed, disparity, depth)
 
 
-def opened(job: Convert) -> FrameSource:
+def opened(job: Convert) -> FrameSequence[Frame]:
     """The source with the selection and the rig that the job asks for."""
     whole = opened_with_rig(job.source, job.rig, scale_calibration=job.scale_calibration)
     source = select(whole, job.frames, job.exclude)
@@ -173,7 +181,8 @@ def opened(job: Convert) -> FrameSource:
         _log.info(line)
     for name in source.summary.absent:
         _log.info("absent: %s", name)
-    _log.info("matcher: %s", described(job.matcher))
+    if source.yields is StereoFrame:
+        _log.info("matcher: %s", described(job.matcher))
     return source
 
 
@@ -208,8 +217,10 @@ class ConvertReport:
         figures = self.result.figures
         lines = [self.result.text()]
         if figures:
-            points, density = figures["points"]["mean"], figures["density"]["mean"]
-            lines.append(f"  {points:.0f} points a frame, {density:.1%} of the pixels matched")
+            matched = ""
+            if "density" in figures:
+                matched = f", {figures['density']['mean']:.1%} of the pixels matched"
+            lines.append(f"  {figures['points']['mean']:.0f} points a frame{matched}")
         opens = [self.out / folder_of(kind) for kind in self.to.files]
         opens += sorted(self.out.glob("*.mcap")) if self.to.recording else []
         opens.append(self.page)

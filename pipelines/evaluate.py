@@ -23,7 +23,7 @@ from pseudolidar.running.stream import Skipped, stream
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select
-from pseudolidar.sources.source import FrameSource
+from pseudolidar.sources.source import FrameSequence, pairs_of
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.matcher import DEFAULT_MIN_DEPTH_M, StereoMatcher
 from pseudolidar.stereo.sgbm import Bm, Sgbm
@@ -181,11 +181,11 @@ def run(job: Evaluate) -> DisparityReport:
     )
 
 
-def opened(job: Evaluate) -> FrameSource:
+def opened(job: Evaluate) -> FrameSequence[StereoFrame]:
     """The frames that are asked for, with the rig that is asked for."""
     assert not isinstance(job.source, Maps)
     whole = opened_with_rig(job.source, job.rig, scale_calibration=job.scale_calibration)
-    return select(whole, job.frames, job.exclude)
+    return select(pairs_of(whole), job.frames, job.exclude)
 
 
 def compare_maps(job: Evaluate) -> DisparityReport:

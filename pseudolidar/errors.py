@@ -195,6 +195,10 @@ class SourceEmpty(PseudolidarError):
     """A source has no usable frame."""
 
 
+class NoPairs(PseudolidarError):
+    """A source has no rectified pairs where only they will do."""
+
+
 class RecordingError(PseudolidarError):
     """A recording (MCAP) is broken or contradicts itself."""
 

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from typing import Literal
 
+import numpy as np
+
 from pseudolidar.errors import CalibrationField
-from pseudolidar.geometry.frames import BASE_LINK, left_in_base_link
+from pseudolidar.geometry.frames import BASE_LINK, R_BODY_OPTICAL, left_in_base_link
 from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.pose import Pose
 
 CloudFrame = Literal["velodyne", "camera_left", "base_link"]
+
+# Names of frames with a camera's axes (x right, y down, z forward), by REP-103 and by habit.
+_OPTICAL = re.compile(r"camera_(left|right)|cam[0-9]|.*_optical(_frame)?")
 
 
 def default_frame(rig: StereoRig) -> CloudFrame:
@@ -43,3 +50,17 @@ def left_in(rig: StereoRig, frame: CloudFrame) -> Pose:
         )
     T_velodyne_left = rig.T_left_velodyne.inverse()
     return Pose(frame, rig.left.frame, T_velodyne_left.matrix)
+
+
+def is_optical(frame: str) -> bool:
+    """Whether a frame of that name has a camera's axes: x right, y down, z forward."""
+    return _OPTICAL.fullmatch(frame) is not None
+
+
+def turned_forward(cloud: PointCloud) -> PointCloud:
+    """The cloud with x forward, y left, z up; only one in a camera's axes is turned."""
+    if not is_optical(cloud.frame):
+        return cloud
+    return cloud.transformed(
+        Pose.from_rotation(BASE_LINK, cloud.frame, R_BODY_OPTICAL, np.zeros(3))
+    )

@@ -29,17 +29,21 @@ REPORT_NAME = "report.html"
 DISPARITY_QUANTILE = 0.995
 TOP_SCALE = 3
 SKIPS_SHOWN = 50
+_TOP_TEXT = (
+    f"Points from above, {TOP_AHEAD_M:.0f} m ahead and {TOP_ASIDE_M:.0f} m to each side, the "
+    "sensor at the middle of the lower edge."
+)
 
 
 def write_conversion_page(
-    folder: Path, result: RunResult, rig: StereoRig, *, settings: Mapping[str, str]
+    folder: Path, result: RunResult, rig: StereoRig | None, *, settings: Mapping[str, str]
 ) -> Path:
     """Write `report.html`, self-contained, from what a run left in its folder.
 
     Args:
         folder: output folder.
         result: how the run ended.
-        rig: of the first frame.
+        rig: of the first frame, where there is one.
         settings: what was chosen, by name, for the reader.
 
     Returns:
@@ -63,24 +67,28 @@ def write_conversion_page(
 
 
 def _overview(
-    result: RunResult, rig: StereoRig, settings: Mapping[str, str]
+    result: RunResult, rig: StereoRig | None, settings: Mapping[str, str]
 ) -> list[tuple[str, str]]:
-    width, height = rig.left.size_px
     done = f"{len(result.committed)} of {result.total}, {len(result.skipped)} skipped"
-    rows = [
-        ("frames", done),
+    rows = [("frames", done), *([] if rig is None else _rig_rows(rig))]
+    means = {name: figure["mean"] for name, figure in result.figures.items()}
+    if "density" in means:
+        rows.append(("density", f"{means['density']:.1%} of the pixels, mean over frames"))
+    if means:
+        rows.append(("points", f"{means['points']:,.0f} a frame"))
+    if "sigma_m_median" in means:
+        rows.append(("sigma of a point", f"{means['sigma_m_median']:.3f} m, median"))
+    return rows + list(settings.items())
+
+
+def _rig_rows(rig: StereoRig) -> list[tuple[str, str]]:
+    width, height = rig.left.size_px
+    return [
         ("images", f"{width} x {height} px"),
         ("rig", f"f {rig.left.focal_px:.4f} px, baseline {rig.baseline_m:.5f} m"),
         ("depth at 1 px", f"{rig.fB_px_m:.1f} m"),
         ("sigma includes", _systematic(rig)),
     ]
-    means = {name: figure["mean"] for name, figure in result.figures.items()}
-    if means:
-        rows.append(("density", f"{means['density']:.1%} of the pixels, mean over frames"))
-        rows.append(("points", f"{means['points']:,.0f} a frame"))
-    if "sigma_m_median" in means:
-        rows.append(("sigma of a point", f"{means['sigma_m_median']:.3f} m, median"))
-    return rows + list(settings.items())
 
 
 def _systematic(rig: StereoRig) -> str:
@@ -118,8 +126,9 @@ def _plots(result: RunResult) -> list[Section]:
     frames = [record.figures for record in result.committed]
     if not frames:
         return []
-    plots = [_density_plot(result), _depth_plot(frames)]
-    return [Section("Density and depth", plots=plots)]
+    dense = all("density" in frame for frame in frames)
+    plots = [*([_density_plot(result)] if dense else []), _depth_plot(frames)]
+    return [Section("Density and depth" if dense else "Depth", plots=plots)]
 
 
 def _axes(title: str, x: str, y: str) -> tuple[Figure, Any]:
@@ -165,23 +174,27 @@ def _contact_sheet(samples: Mapping[str, FrameSample]) -> list[Section]:
     pixels = np.concatenate(known).astype(np.float32)
     max_px = float(np.quantile(pixels, DISPARITY_QUANTILE)) if len(pixels) else 1.0
     rows = [_sample_row(name, sample, max_px) for name, sample in samples.items()]
+    if not len(pixels):
+        return [Section("Frames", _TOP_TEXT, pictures=rows)]
     text = (
         f"Photo; disparity from 0 (blue) to {max_px:.0f} px (red), black where there is none; "
         "error against the ground truth where there is one (blue: within 3 px or 5 %, red: worse, "
-        f"white: no disparity); points from above, {TOP_AHEAD_M:.0f} m ahead and "
-        f"{TOP_ASIDE_M:.0f} m to each side, the camera at the middle of the lower edge."
+        f"white: no disparity). {_TOP_TEXT}"
     )
     return [Section("Frames", text, pictures=rows)]
 
 
 def _sample_row(name: str, sample: FrameSample, max_px: float) -> PictureRow:
     disparity, truth = (a.astype(np.float32) for a in (sample.disparity, sample.truth))
-    wide = sample.photo.shape[1] / sample.photo.shape[0]
-    pictures = [
-        Picture.photo(sample.photo, name, width=wide),
-        Picture.exact(disparity_picture(disparity, max_px), "disparity", width=wide),
-    ]
-    if np.isfinite(truth).any():
-        pictures.append(Picture.exact(error_picture(disparity, truth), "error", width=wide))
+    pictures = []
+    if sample.photo.size:
+        wide = sample.photo.shape[1] / sample.photo.shape[0]
+        pictures.append(Picture.photo(sample.photo, name, width=wide))
+        if np.isfinite(disparity).any():
+            shown = disparity_picture(disparity, max_px)
+            pictures.append(Picture.exact(shown, "disparity", width=wide))
+        if np.isfinite(truth).any():
+            pictures.append(Picture.exact(error_picture(disparity, truth), "error", width=wide))
     top = thicker(top_picture(sample.top), TOP_SCALE)
-    return PictureRow((*pictures, Picture.exact(top, "from above")))
+    caption = "from above" if pictures else f"{name}, from above"
+    return PictureRow((*pictures, Picture.exact(top, caption)))

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from pseudolidar.errors import NoPairs
 from pseudolidar.formats.depth_png import encode_depth_png
 from pseudolidar.formats.disparity_png import encode_disparity_png
 from pseudolidar.formats.mcap_content import McapContent
@@ -15,7 +16,7 @@ from pseudolidar.formats.npz import encode_npz
 from pseudolidar.formats.pcd import encode_pcd
 from pseudolidar.formats.ply import encode_ply
 from pseudolidar.formats.velodyne_bin import encode_velodyne_bin
-from pseudolidar.geometry.cloud_frames import forward_frame, left_in
+from pseudolidar.geometry.cloud_frames import forward_frame, left_in, turned_forward
 from pseudolidar.running.outputs import Outputs, file_name
 from pseudolidar.running.product import Product
 from pseudolidar.running.record import OutputFile
@@ -23,6 +24,7 @@ from pseudolidar.running.samples import FrameSample, sample_name
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.recorded import Frame
 
 if TYPE_CHECKING:
     from pseudolidar.formats.mcap_frame import FrameChunk
@@ -32,30 +34,32 @@ DEPTH_BIN_M, DEPTH_BINS = 10.0, 9
 # The median of sigma is that of every n-th point: sorting all of them takes longer than it tells.
 SIGMA_STEP = 16
 
+KnownMap = TypeVar("KnownMap", DisparityMap, DepthMap)
+
 
 @dataclass(frozen=True, eq=False)
 class Converted:
     """What a frame has become.
 
     Args:
-        frame: the pair.
-        disparity: of its left image.
-        depth: of its left image.
+        frame: as its source had it.
         cloud: points in the frame that clouds are handed over in.
+        disparity: of the left image of a pair.
+        depth: of the left image, or of the only one.
     """
 
-    frame: StereoFrame
-    disparity: DisparityMap
-    depth: DepthMap
+    frame: Frame
     cloud: PointCloud
+    disparity: DisparityMap | None = None
+    depth: DepthMap | None = None
 
     @property
     def forward_cloud(self) -> PointCloud:
         """The cloud with x forward, for formats that mean nothing else."""
-        rig = self.frame.rig
-        if self.cloud.frame != rig.left.frame:
-            return self.cloud
-        return self.cloud.transformed(left_in(rig, forward_frame(rig, "camera_left")))
+        if isinstance(self.frame, StereoFrame) and self.cloud.frame == self.frame.rig.left.frame:
+            rig = self.frame.rig
+            return self.cloud.transformed(left_in(rig, forward_frame(rig, "camera_left")))
+        return turned_forward(self.cloud)
 
 
 ENCODERS: Mapping[str, Callable[[Converted], bytes]] = {
@@ -66,8 +70,8 @@ ENCODERS: Mapping[str, Callable[[Converted], bytes]] = {
     "ply:ascii": lambda converted: encode_ply(converted.cloud, encoding="ascii"),
     "bin": lambda converted: encode_velodyne_bin(converted.forward_cloud),
     "npz": lambda converted: encode_npz(converted.cloud),
-    "disparity": lambda converted: encode_disparity_png(converted.disparity),
-    "depth": lambda converted: encode_depth_png(converted.depth),
+    "disparity": lambda converted: encode_disparity_png(_known(converted, converted.disparity)),
+    "depth": lambda converted: encode_depth_png(_known(converted, converted.depth)),
 }
 
 
@@ -99,8 +103,11 @@ def packed(converted: Converted, content: McapContent) -> FrameChunk:
     from pseudolidar.formats.mcap_frame import pack_frame
     from pseudolidar.formats.mcap_messages import frame_messages
 
+    frame = converted.frame
+    if not isinstance(frame, StereoFrame):
+        raise NoPairs("a frame without a pair", want="pairs of pictures for a recording")
     messages = frame_messages(
-        converted.frame,
+        frame,
         disparity=converted.disparity,
         depth=converted.depth,
         cloud=converted.cloud,
@@ -111,19 +118,46 @@ def packed(converted: Converted, content: McapContent) -> FrameChunk:
 
 def figures(converted: Converted) -> dict[str, Any]:
     """Statistics of a frame for the report, plain JSON values."""
-    disparity, cloud = converted.disparity, converted.cloud
-    depths = converted.depth.values[converted.depth.valid]
-    bins = np.minimum(depths / np.float32(DEPTH_BIN_M), DEPTH_BINS - 1).astype(np.uint8)
-    histogram = np.bincount(bins, minlength=DEPTH_BINS).tolist()
+    cloud = converted.cloud
     found: dict[str, Any] = {
         "points": len(cloud) if cloud.shape is None else int(np.count_nonzero(cloud.valid)),
-        "density": disparity.density,
-        "pixels_without_disparity": int(disparity.values.size - np.count_nonzero(disparity.valid)),
-        "depth_histogram": histogram,
+        "depth_histogram": _histogram(converted),
     }
+    if converted.depth is not None:
+        known = converted.depth.valid if converted.disparity is None else converted.disparity.valid
+        found["density"] = float(known.mean())
+        found["pixels_without_disparity"] = int(known.size - np.count_nonzero(known))
     sigma_m = None if cloud.sigma_m is None else cloud.sigma_m[::SIGMA_STEP]
     if sigma_m is not None and np.isfinite(sigma_m).any():
         found["sigma_m_median"] = float(np.nanmedian(sigma_m))
     if converted.frame.notes:
         found["notes"] = list(converted.frame.notes)
     return found
+
+
+def _histogram(converted: Converted) -> list[int]:
+    """Pixels by depth, of a frame without pictures points by distance ahead."""
+    if converted.depth is not None:
+        depths = converted.depth.values[converted.depth.valid]
+    else:
+        ahead_m = converted.forward_cloud.xyz[:, 0]
+        depths = ahead_m[ahead_m > 0].astype(np.float32)  # False for NaN
+    bins = np.minimum(depths / np.float32(DEPTH_BIN_M), DEPTH_BINS - 1).astype(np.uint8)
+    counts: list[int] = np.bincount(bins, minlength=DEPTH_BINS).tolist()
+    return counts
+
+
+def _known(converted: Converted, values: KnownMap | None) -> KnownMap:
+    """A map of the frame.
+
+    Raises:
+        NoPairs: the frame is of a kind that has none.
+    """
+    if values is None:
+        raise NoPairs(
+            "a frame without such a map",
+            want="pairs of pictures",
+            fix="Leave it out of --to.",
+            where=f"frame {converted.frame.id}",
+        )
+    return values

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from pseudolidar import __version__
 from pseudolidar.running.settings_json import result_settings
-from pseudolidar.sources.source import FrameSource
+from pseudolidar.sources.source import FrameSequence
+from pseudolidar.structures.recorded import Frame
 
 if TYPE_CHECKING:
     from pseudolidar.formats.mcap_prolog import McapProlog
@@ -22,7 +23,7 @@ SOURCE_PLACES = ("path", "right", "rig")
 _UNFIT_FOR_A_NAME = re.compile(r"[^\w.+-]+")
 
 
-def identity(job: Any, source: FrameSource) -> dict[str, Any]:
+def identity(job: Any, source: FrameSequence[Frame]) -> dict[str, Any]:
     """Settings, version, source and calibration of a run, plain JSON values.
 
     Paths are resolved, so that it does not matter where the command is called from; of the
@@ -51,21 +52,23 @@ def without_places(settings: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in settings.items() if key != "rig"} | {"source": source}
 
 
-def calibration_text(source: FrameSource) -> str:
-    """The rig as JSON, without the words about its origin, which may name files."""
+def calibration_text(source: FrameSequence[Frame]) -> str:
+    """The rig as JSON, without the words about its origin, which may name files; "" without one."""
     from pseudolidar.formats.rig_json import rig_text
 
+    if source.rig is None:
+        return ""
     return rig_text(replace(source.rig, origin=""))
 
 
-def source_name(source: FrameSource) -> str:
+def source_name(source: FrameSequence[Frame]) -> str:
     """Short name of a source, fit for a file: the last part of its path."""
     path = source.summary.path
     last = Path(path).resolve().name if Path(path).exists() else path.rpartition("/")[2]
     return _UNFIT_FOR_A_NAME.sub("-", last.rpartition(":")[2]).strip(".-") or source.summary.kind
 
 
-def prologue(job: Any, source: FrameSource) -> McapProlog:
+def prologue(job: Any, source: FrameSequence[Frame]) -> McapProlog:
     """What a recording of this run says about itself; nothing that changes from run to run."""
     from pseudolidar.formats.mcap_prolog import describe_recording
 

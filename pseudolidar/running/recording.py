@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from pseudolidar.running.identity import prologue, source_name
-from pseudolidar.sources.source import FrameSource
+from pseudolidar.sources.source import FrameSequence
+from pseudolidar.structures.recorded import Frame
 
 if TYPE_CHECKING:
     from pseudolidar.formats.mcap import McapLog
@@ -30,7 +31,7 @@ class RecordingPlan:
     prolog: McapProlog | None = None
 
     @classmethod
-    def of(cls, job: Any, source: FrameSource, *, wanted: bool) -> Self:
+    def of(cls, job: Any, source: FrameSequence[Frame], *, wanted: bool) -> Self:
         """A recording that has the source's name, or none unless it is `wanted`."""
         return cls(f"{source_name(source)}.mcap", prologue(job, source)) if wanted else cls()
 

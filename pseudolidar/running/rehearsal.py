@@ -11,9 +11,8 @@ from typing import Any, Self
 from pseudolidar.errors import OutputError
 from pseudolidar.formats.atomic import free_bytes
 from pseudolidar.running.product import Product
-from pseudolidar.running.stream import Done, attempt, default_workers
-from pseudolidar.sources.source import FrameSource
-from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.running.stream import AnyFrame, Done, attempt, default_workers
+from pseudolidar.sources.source import FrameSequence
 
 # Frames tried, from the first to the last, until enough have passed. The first one also warms the
 # kernels up, so it takes a second one to tell the time.
@@ -69,8 +68,8 @@ class Rehearsal:
 
 
 def rehearse(
-    source: FrameSource,
-    per_frame: Callable[[StereoFrame], Product],
+    source: FrameSequence[AnyFrame],
+    per_frame: Callable[[AnyFrame], Product],
     *,
     folder: Path,
     workers: int | None = None,

@@ -18,8 +18,8 @@ from pseudolidar.running.record import FileRecord, FrameRecord
 from pseudolidar.running.results import RunResult, Stopwatch, write_results
 from pseudolidar.running.signals import Stopped, StopSignals
 from pseudolidar.running.stream import Done, Skipped, stream
-from pseudolidar.sources.source import FrameSource
-from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.sources.source import FrameSequence
+from pseudolidar.structures.recorded import Frame
 
 Result = TypeVar("Result")
 
@@ -51,7 +51,7 @@ class Run:
         self,
         folder: Path,
         journal: Journal,
-        source: FrameSource,
+        source: FrameSequence[Frame],
         *,
         on_error: OnError,
         signals: StopSignals,
@@ -68,7 +68,7 @@ class Run:
         cls,
         folder: Path,
         job: RunSettings,
-        source: FrameSource,
+        source: FrameSequence[Frame],
         *,
         products: Sequence[str] = (),
     ) -> Iterator[Self]:
@@ -108,7 +108,7 @@ class Run:
             write_results(folder, run.result(), job)
 
     def expected(
-        self, per_frame: Callable[[StereoFrame], Any], *, workers: int | None = None
+        self, per_frame: Callable[[Frame], Any], *, workers: int | None = None
     ) -> tuple[str, ...]:
         """Ids of the frames that the results will hold: all but those that failed and fail again.
 

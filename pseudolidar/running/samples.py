@@ -18,10 +18,11 @@ import numpy.typing as npt
 from pseudolidar.running.folder import inside
 from pseudolidar.running.record import FrameRecord
 from pseudolidar.stereo.grey import shift_to_8_bits
-from pseudolidar.structures.arrays import UInt8
+from pseudolidar.structures.arrays import Image, UInt8
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
 
 SAMPLES_FOLDER = ".report"
 MAX_SAMPLES = 12
@@ -39,7 +40,7 @@ class FrameSample:
     """A frame in small.
 
     Args:
-        photo: (h, w, 3) or (h, w) uint8, the left image.
+        photo: (h, w, 3) or (h, w) uint8, the left image; (0, 0) where there is none.
         disparity: (h, w) float16 px of the full-size image, NaN where there is none.
         truth: (h, w) float16 px, ground truth; NaN everywhere where there is none.
         top: (160, 160) uint16 points in each square of 0.5 m: rows from far (80 m) to near,
@@ -52,22 +53,24 @@ class FrameSample:
     top: UInt16
 
     @classmethod
-    def of(cls, frame: StereoFrame, disparity: DisparityMap, forward_cloud: PointCloud) -> Self:
+    def of(cls, frame: Frame, disparity: DisparityMap | None, forward_cloud: PointCloud) -> Self:
         """Reduced by taking every n-th pixel: nothing is smeared, nothing invented.
 
         Args:
-            frame: the pair.
-            disparity: of its left image.
+            frame: the frame.
+            disparity: of its left image, where it is a pair.
             forward_cloud: points in a frame with x forward, y left.
         """
-        step = max(1, -(-max(frame.size_px) // MAX_SIDE_PX))
-        photo, small = frame.left[::step, ::step], disparity.values[::step, ::step]
-        if photo.dtype != np.uint8:
-            photo = (photo >> shift_to_8_bits(frame.left, frame.right)).astype(np.uint8)
-        truth = np.full_like(small, np.nan) if frame.truth is None else frame.truth.values
-        truth = truth[::step, ::step] if truth.shape != small.shape else truth
-        half = (small.astype(np.float16), truth.astype(np.float16))
-        return cls(np.ascontiguousarray(photo), *half, top_view(forward_cloud))
+        photo = _photo(frame)
+        unknown = np.full(photo.shape[:2], np.nan, np.float32)
+        truth = frame.truth if isinstance(frame, StereoFrame) else None
+        step = max(1, -(-max(photo.shape) // MAX_SIDE_PX))
+        disparities, true = (
+            np.ascontiguousarray((unknown if m is None else m.values)[::step, ::step], np.float16)
+            for m in (disparity, truth)
+        )
+        small = np.ascontiguousarray(photo[::step, ::step])
+        return cls(small, disparities, true, top_view(forward_cloud))
 
     def encode(self) -> bytes:
         """The sample as the bytes of an NPZ; the same bytes for the same sample."""
@@ -80,6 +83,21 @@ class FrameSample:
         """A sample that `encode` has made."""
         with np.load(path) as arrays:
             return cls(**{name: arrays[name] for name in cls.__dataclass_fields__})
+
+
+def _photo(frame: Frame) -> UInt8:
+    """The left or only image in 8 bits, (0, 0) where there is none."""
+    images: tuple[Image, ...]
+    match frame:
+        case StereoFrame():
+            images = (frame.left, frame.right)
+        case DepthFrame():
+            images = (frame.image,)
+        case RecordedCloud():
+            return np.empty((0, 0), np.uint8)
+    if images[0].dtype == np.uint8:
+        return np.asarray(images[0], np.uint8)
+    return (images[0] >> shift_to_8_bits(*images)).astype(np.uint8)
 
 
 def top_view(cloud: PointCloud) -> UInt16:

@@ -20,8 +20,8 @@ from typing import Generic, TypeVar
 from pseudolidar.errors import FrameError, PseudolidarError, UsageError
 from pseudolidar.running.crew import Crew
 from pseudolidar.running.memory import keep_freed_memory
-from pseudolidar.sources.source import FrameSource
-from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.sources.source import FrameSequence
+from pseudolidar.structures.recorded import Frame
 
 # Frames in flight per worker: one that is worked on and one that is finished or waits, so that
 # neither a slow neighbour nor a slow disk makes a worker stop. Memory is this times a frame.
@@ -29,6 +29,7 @@ IN_FLIGHT_PER_WORKER = 2
 
 Result = TypeVar("Result", covariant=True)
 NewResult = TypeVar("NewResult")
+AnyFrame = TypeVar("AnyFrame", bound=Frame)
 
 
 @dataclass(frozen=True)
@@ -66,8 +67,8 @@ class Skipped:
 
 
 def stream(
-    source: FrameSource,
-    per_frame: Callable[[StereoFrame], NewResult],
+    source: FrameSequence[AnyFrame],
+    per_frame: Callable[[AnyFrame], NewResult],
     *,
     workers: int | None = None,
     skip: Collection[str] = (),
@@ -113,7 +114,7 @@ def default_workers() -> int:
 
 
 def attempt(
-    source: FrameSource, per_frame: Callable[[StereoFrame], NewResult], index: int
+    source: FrameSequence[AnyFrame], per_frame: Callable[[AnyFrame], NewResult], index: int
 ) -> Done[NewResult] | Skipped:
     """Load and do one frame; whatever goes wrong is an outcome, not an exception."""
     name, begin_s = source.ids[index], time.thread_time()

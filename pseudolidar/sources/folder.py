@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import ClassVar
 
 from pseudolidar.errors import (
     NotRectified,
@@ -148,6 +149,7 @@ class FolderSource:
     rigs: tuple[StereoRig, ...] = field(repr=False)
     scale_calibration: bool = False
     limits: Limits = DEFAULT_LIMITS
+    yields: ClassVar = StereoFrame
 
     @property
     def rig(self) -> StereoRig:

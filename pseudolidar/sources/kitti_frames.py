@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pseudolidar.errors import PseudolidarError, SourceEmpty
 from pseudolidar.formats.disparity_png import read_disparity_png
@@ -105,6 +105,8 @@ class KittiFrames:
     refused: tuple[tuple[str, PseudolidarError], ...] = ()
     first_oxts: OxtsPacket | None = None
     limits: Limits = DEFAULT_LIMITS
+
+    yields: ClassVar = StereoFrame
 
     @cached_property
     def ids(self) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ import datetime
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,17 +14,24 @@ from pseudolidar.errors import CalibrationSizeMismatch, NotRectified, Pseudolida
 from pseudolidar.formats.rig_json import read_rig, rig_warnings
 from pseudolidar.geometry.frames import BASE_LINK, left_in_base_link
 from pseudolidar.sources.folder import Folders
-from pseudolidar.sources.source import FrameSource, SourceSettings, SourceSummary
+from pseudolidar.sources.source import (
+    FrameSequence,
+    FrameSource,
+    SourceSettings,
+    SourceSummary,
+    pairs_of,
+)
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.pose import Pose
+from pseudolidar.structures.recorded import Frame
 
 _DATE = re.compile(r"(?<![0-9])([0-9]{4})[-_./]([0-9]{2})[-_./]([0-9]{2})(?![0-9])")
 
 
 def opened_with_rig(
     settings: SourceSettings, rig: Path | None, *, scale_calibration: bool = False
-) -> FrameSource:
+) -> FrameSequence[Frame]:
     """Open a source; where a rig file is given, with that in place of its own calibration.
 
     Args:
@@ -39,7 +47,7 @@ def opened_with_rig(
     if isinstance(settings, Folders):
         own = replace(settings, rig=str(rig), scale_calibration=scale_calibration)
         return own.open()
-    return with_rig(settings.open(), read_rig(rig), scale_calibration=scale_calibration)
+    return with_rig(pairs_of(settings.open()), read_rig(rig), scale_calibration=scale_calibration)
 
 
 def with_rig(
@@ -85,6 +93,7 @@ class RiggedSource:
     given: StereoRig = field(repr=False)
     scale_calibration: bool
     notes: tuple[str, ...]
+    yields: ClassVar = StereoFrame
 
     @property
     def summary(self) -> SourceSummary:

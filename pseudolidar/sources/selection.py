@@ -7,14 +7,16 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
+from typing import Generic, Self, TypeVar
 
 from pseudolidar.errors import PseudolidarError, UsageError
 from pseudolidar.formats.text import read_lines
 from pseudolidar.sources.names import natural_key
-from pseudolidar.sources.source import FrameSource, SourceSummary
+from pseudolidar.sources.source import FrameSequence, SourceSummary
 from pseudolidar.structures.camera import StereoRig
-from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.recorded import Frame
+
+AnyFrame = TypeVar("AnyFrame", bound=Frame)
 
 _SLICE = re.compile(r"(-?[0-9]+)?:(-?[0-9]+)?(?::(-?[0-9]+)?)?")
 _NUMBERS = re.compile(r"[0-9]+")
@@ -82,10 +84,10 @@ class FrameSelection:
 
 
 def select(
-    source: FrameSource,
+    source: FrameSequence[AnyFrame],
     frames: FrameSelection | None = None,
     exclude: FrameSelection | None = None,
-) -> FrameSource:
+) -> FrameSequence[AnyFrame]:
     """The source reduced to `frames` without `exclude`; order, ids and frame indices stay.
 
     Raises:
@@ -112,7 +114,7 @@ def select(
 
 
 @dataclass(frozen=True, eq=False)
-class SelectedSource:
+class SelectedSource(Generic[AnyFrame]):
     """Some frames of a source.
 
     Args:
@@ -121,7 +123,7 @@ class SelectedSource:
         refused: which of its unusable frames were asked for.
     """
 
-    source: FrameSource
+    source: FrameSequence[AnyFrame]
     chosen: tuple[int, ...]
     refused: tuple[tuple[str, PseudolidarError], ...]
 
@@ -133,7 +135,12 @@ class SelectedSource:
         return replace(whole, notes=(*whole.notes, part))
 
     @property
-    def rig(self) -> StereoRig:
+    def yields(self) -> type[AnyFrame]:
+        """What its frames are."""
+        return self.source.yields
+
+    @property
+    def rig(self) -> StereoRig | None:
         """Rig of the whole."""
         return self.source.rig
 
@@ -147,7 +154,7 @@ class SelectedSource:
         """Times of the selected frames."""
         return tuple(self.source.timestamps_ns[index] for index in self.chosen)
 
-    def load(self, index: int) -> StereoFrame:
+    def load(self, index: int) -> AnyFrame:
         """Selected frame `index`; its own index is that in the whole."""
         return self.source.load(self.chosen[index])
 

@@ -1,13 +1,22 @@
-"""What every opened source is: a sequence of rectified pairs, cheap to pickle, loaded by index."""
+"""What every opened source is: a sequence of frames, cheap to pickle, loaded by index."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeVar, cast
 
-from pseudolidar.errors import PseudolidarError
+from pseudolidar.errors import NoPairs, PseudolidarError
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
+
+AnyFrame = TypeVar("AnyFrame", bound=Frame, covariant=True)
+
+KIND_NAMES: dict[type[Frame], str] = {
+    StereoFrame: "pairs of pictures",
+    DepthFrame: "pictures with depth",
+    RecordedCloud: "point clouds",
+}
 
 
 @dataclass(frozen=True)
@@ -29,16 +38,20 @@ class SourceSummary:
     notes: tuple[str, ...] = ()
 
 
-class FrameSource(Protocol):
-    """An opened source. Opening lists and checks; pixels are read by `load` alone."""
+class FrameSequence(Protocol[AnyFrame]):
+    """An opened source. Opening lists and checks; pixels and points are read by `load` alone."""
 
     @property
     def summary(self) -> SourceSummary:
         """What it is."""
 
     @property
-    def rig(self) -> StereoRig:
-        """Rig of the first frame."""
+    def yields(self) -> type[AnyFrame]:
+        """What its frames are."""
+
+    @property
+    def rig(self) -> StereoRig | None:
+        """Rig of the first frame, where the source has cameras that are calibrated as one."""
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -52,12 +65,36 @@ class FrameSource(Protocol):
     def refused(self) -> tuple[tuple[str, PseudolidarError], ...]:
         """Frames found unusable when the source was opened (one eye missing), with the reason."""
 
-    def load(self, index: int) -> StereoFrame:
+    def load(self, index: int) -> AnyFrame:
         """Read and decode frame `index`; pure, callable from any thread or process."""
+
+
+class FrameSource(FrameSequence[StereoFrame], Protocol):
+    """An opened source of rectified pairs."""
+
+    @property
+    def rig(self) -> StereoRig:
+        """Rig of the first frame."""
 
 
 class SourceSettings(Protocol):
     """Settings of a source; a frozen, picklable dataclass that imports nothing heavy."""
 
-    def open(self) -> FrameSource:
+    def open(self) -> FrameSequence[Frame]:
         """List the frames and read the calibration."""
+
+
+def pairs_of(source: FrameSequence[Frame]) -> FrameSource:
+    """The source, if its frames are rectified pairs.
+
+    Raises:
+        NoPairs: they are something else.
+    """
+    if source.yields is not StereoFrame:
+        raise NoPairs(
+            f"a source of {KIND_NAMES[source.yields]}",
+            want=KIND_NAMES[StereoFrame],
+            fix="This needs pictures of two eyes.",
+            path=source.summary.path,
+        )
+    return cast("FrameSource", source)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -148,6 +148,7 @@ class SyntheticSource:
     name: str
     width_px: int
     height_px: int
+    yields: ClassVar = StereoFrame
 
     @functools.cached_property
     def world(self) -> World:

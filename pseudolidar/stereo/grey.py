@@ -20,11 +20,11 @@ def grey8_pair(left: Image, right: Image) -> tuple[UInt8, UInt8]:
     return _grey8(left, shift), _grey8(right, shift)
 
 
-def shift_to_8_bits(left: Image, right: Image) -> int:
+def shift_to_8_bits(*images: Image) -> int:
     """Bits that the brightest pixel of a pair has beyond 8; 0 for 8-bit images."""
-    if left.dtype == np.uint8:
+    if images[0].dtype == np.uint8:
         return 0
-    return max(0, int(max(left.max(), right.max())).bit_length() - 8)
+    return max(0, max(int(image.max()) for image in images).bit_length() - 8)
 
 
 def _grey8(image: Image, shift: int) -> UInt8:

@@ -73,6 +73,15 @@ class Camera:
         """(width, height)."""
         return self.width_px, self.height_px
 
+    def check_size(self, width_px: int, height_px: int) -> None:
+        """Raise `CalibrationSizeMismatch` unless images of this size belong to the camera."""
+        if (width_px, height_px) != self.size_px:
+            raise CalibrationSizeMismatch(
+                f"images of {width_px}x{height_px}",
+                want=f"{self.width_px}x{self.height_px}, the size of the calibration",
+                fix="Pass --scale-calibration if the images were resized, or the right rig.",
+            )
+
 
 @dataclass(frozen=True, eq=False)
 class DisparityCorrection:
@@ -247,12 +256,7 @@ class StereoRig:
 
     def check_size(self, width_px: int, height_px: int) -> None:
         """Raise `CalibrationSizeMismatch` unless images of this size belong to the rig."""
-        if (width_px, height_px) != self.left.size_px:
-            raise CalibrationSizeMismatch(
-                f"images of {width_px}x{height_px}",
-                want=f"{self.left.width_px}x{self.left.height_px}, the size of the calibration",
-                fix="Pass --scale-calibration if the images were resized, or the right rig.",
-            )
+        self.left.check_size(width_px, height_px)
 
     def scaled_to(self, width_px: int, height_px: int) -> StereoRig:
         """The rig for images resized to (width_px, height_px), pixel centres at integers."""
