@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import io
-import resource
-import signal
+import json
+import subprocess
+import sys
 
 import pytest
 
@@ -23,15 +24,28 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-@pytest.fixture
-def small_files():
-    """Files cannot grow beyond 1000 bytes, as on a disk that is full."""
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    signal.signal(signal.SIGXFSZ, handler)
+# Files cannot grow beyond 1000 bytes in this process, as on a disk that is full.
+ON_A_FULL_DISK = """
+import json, resource, signal, sys
+from pathlib import Path
+from pseudolidar.errors import OutputError
+from pseudolidar.formats.atomic import write_atomic, write_group
+
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+folder = Path(sys.argv[1])
+try:
+    {write}
+except OutputError as error:
+    print(json.dumps(error.as_dict()))
+"""
+
+
+def refused_on_a_full_disk(folder, write):
+    """The error of an expression; the limit binds a child, not what pytest itself writes."""
+    line = [sys.executable, "-c", ON_A_FULL_DISK.format(write=write), str(folder)]
+    ended = subprocess.run(line, capture_output=True, text=True, check=True)
+    return json.loads(ended.stdout)
 
 
 def test_a_file_is_replaced_whole_and_its_folder_made(tmp_path):
@@ -42,23 +56,19 @@ def test_a_file_is_replaced_whole_and_its_folder_made(tmp_path):
     assert names(path.parent) == ["a.pcd"]
 
 
-@pytest.mark.usefixtures("small_files")
 def test_a_full_disk_keeps_the_old_file_and_leaves_nothing(tmp_path):
     path = tmp_path / "a.pcd"
     write_atomic(path, b"old")
-    with pytest.raises(OutputError) as caught:
-        write_atomic(path, bytes(2000))
-    assert caught.value.exit_code == 5
-    assert caught.value.path == str(path)
-    assert "2000 bytes" in caught.value.want
+    error = refused_on_a_full_disk(tmp_path, 'write_atomic(folder / "a.pcd", bytes(2000))')
+    assert (error["code"], error["exit_code"], error["path"]) == ("OutputError", 5, str(path))
+    assert "2000 bytes" in error["want"]
     assert path.read_bytes() == b"old"
     assert names(tmp_path) == ["a.pcd"]
 
 
-@pytest.mark.usefixtures("small_files")
 def test_of_a_group_that_does_not_fit_no_file_appears(tmp_path):
-    with pytest.raises(OutputError):
-        write_group({tmp_path / "pcd" / "0.pcd": b"fits", tmp_path / "ply" / "0.ply": bytes(2000)})
+    group = '{folder / "pcd" / "0.pcd": b"fits", folder / "ply" / "0.ply": bytes(2000)}'
+    assert refused_on_a_full_disk(tmp_path, f"write_group({group})")["code"] == "OutputError"
     assert names(tmp_path / "pcd") == names(tmp_path / "ply") == []
 
 
