@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from pseudolidar.formats.mcap_content import McapContent
+from pseudolidar.formats.rig_reading import RigUnit
 from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in
 from pseudolidar.geometry.depth import depth_map
 from pseudolidar.running.bad_frames import OnError
@@ -28,9 +29,9 @@ from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select
-from pseudolidar.sources.source import FrameSequence
+from pseudolidar.sources.source import FrameSequence, nearest_depth_m
 from pseudolidar.stereo.census import Census
-from pseudolidar.stereo.matcher import DEFAULT_MIN_DEPTH_M, StereoMatcher
+from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.frame import StereoFrame
@@ -60,9 +61,12 @@ class Convert:
         mcap: what a recording holds.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         exclude: not these.
-        rig: calibration that replaces the source's cameras, a rig.json.
+        rig: calibration that replaces the source's cameras: a rig.json, OpenCV YAML, XML or JSON,
+            ROS camera_info, K.txt, calib.txt; a file, a folder, or LEFT,RIGHT.
+        rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
         scale_calibration: scale the calibration where images have another size.
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
+            By default what the data set says of its scenes, else 3.
         frame: coordinate frame of the clouds; by default velodyne where that is calibrated, else
             camera_left. `.bin` is always x forward.
         workers: frames worked on at the same time; by default one per core.
@@ -81,8 +85,9 @@ class Convert:
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
     rig: Path | None = None
+    rig_unit: RigUnit | None = None
     scale_calibration: bool = False
-    min_depth: float = DEFAULT_MIN_DEPTH_M
+    min_depth: float | None = None
     frame: CloudFrame | None = None
     workers: Annotated[int | None, RUN_ONLY] = None
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
@@ -142,7 +147,8 @@ class ConvertFrame:
         """
         if source.rig is not None:
             left_in(source.rig, job.frame or default_frame(source.rig))
-        matcher, reproject = job.matcher.load(min_depth_m=job.min_depth), job.reproject.load()
+        nearest_m = nearest_depth_m(job.min_depth, source)
+        matcher, reproject = job.matcher.load(min_depth_m=nearest_m), job.reproject.load()
         return cls(matcher, reproject, job.frame, job.to, job.mcap, sampled_frames(source.ids))
 
     def __call__(self, frame: Frame) -> Product:
@@ -175,7 +181,9 @@ class ConvertFrame:
 
 def opened(job: Convert) -> FrameSequence[Frame]:
     """The source with the selection and the rig that the job asks for."""
-    whole = opened_with_rig(job.source, job.rig, scale_calibration=job.scale_calibration)
+    whole = opened_with_rig(
+        job.source, job.rig, scale_calibration=job.scale_calibration, unit=job.rig_unit
+    )
     source = select(whole, job.frames, job.exclude)
     for line in (source.summary.line, *source.summary.notes):
         _log.info(line)

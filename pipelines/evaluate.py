@@ -15,6 +15,7 @@ from pseudolidar.evaluation.disparity import DisparityErrors, DisparityScore, di
 from pseudolidar.evaluation.disparity_report import DisparityReport
 from pseudolidar.evaluation.halves import FrameSamples, judge_halves, residuals
 from pseudolidar.evaluation.map_files import is_maps, paired_maps, read_map
+from pseudolidar.formats.rig_reading import RigUnit
 from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, Recognised
 from pseudolidar.running.progress import FrameProgress
@@ -23,9 +24,9 @@ from pseudolidar.running.stream import Skipped, stream
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select
-from pseudolidar.sources.source import FrameSequence, pairs_of
+from pseudolidar.sources.source import FrameSequence, nearest_depth_m, pairs_of
 from pseudolidar.stereo.census import Census
-from pseudolidar.stereo.matcher import DEFAULT_MIN_DEPTH_M, StereoMatcher
+from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.samples import DisparitySamples
@@ -78,10 +79,13 @@ class Evaluate:
         reference: the truth for disparity maps, a file or a folder with the same names.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         exclude: not these.
-        rig: calibration that replaces the source's cameras, a rig.json; a disparity correction in
-            it is not used, as one is fitted here.
+        rig: calibration that replaces the source's cameras: a rig.json, OpenCV YAML, XML or JSON,
+            ROS camera_info, K.txt, calib.txt; a file, a folder, or LEFT,RIGHT. A disparity
+            correction in it is not used, as one is fitted here.
+        rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
         scale_calibration: scale the calibration where images have another size.
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
+            By default what the data set says of its scenes, else 3.
         workers: frames worked on at the same time; more than one disturbs the measured time.
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
     """
@@ -93,8 +97,9 @@ class Evaluate:
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
     rig: Path | None = None
+    rig_unit: RigUnit | None = None
     scale_calibration: bool = False
-    min_depth: float = DEFAULT_MIN_DEPTH_M
+    min_depth: float | None = None
     workers: Annotated[int, RUN_ONLY] = 1
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
 
@@ -145,7 +150,7 @@ def run(job: Evaluate) -> DisparityReport:
     if isinstance(job.source, Maps) or job.reference is not None:
         return compare_maps(job)
     source = opened(job)
-    matcher = job.matcher.load(min_depth_m=job.min_depth)
+    matcher = job.matcher.load(min_depth_m=nearest_depth_m(job.min_depth, source))
     per_frame = JudgeFrame(matcher, most=max(1, MAX_SAMPLES // max(1, len(source.ids))))
     skipped: list[Skipped] = []
     judged: list[JudgedFrame] = []
@@ -184,7 +189,9 @@ def run(job: Evaluate) -> DisparityReport:
 def opened(job: Evaluate) -> FrameSequence[StereoFrame]:
     """The frames that are asked for, with the rig that is asked for."""
     assert not isinstance(job.source, Maps)
-    whole = opened_with_rig(job.source, job.rig, scale_calibration=job.scale_calibration)
+    whole = opened_with_rig(
+        job.source, job.rig, scale_calibration=job.scale_calibration, unit=job.rig_unit
+    )
     return select(pairs_of(whole), job.frames, job.exclude)
 
 

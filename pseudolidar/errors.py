@@ -151,6 +151,10 @@ class CalibrationValue(PseudolidarError):
     """A calibration value is impossible."""
 
 
+class CalibrationUnits(PseudolidarError):
+    """A calibration does not say its unit of length, and metres cannot be meant."""
+
+
 class CalibrationSizeMismatch(PseudolidarError):
     """Images have another size than the calibration is for."""
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import ClassVar
 
 from pseudolidar.errors import (
-    NotRectified,
     PseudolidarError,
     SourceEmpty,
     SourceUnknown,
@@ -16,7 +15,9 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.image import read_image, read_size
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.rig_json import missing_rig, read_rig, rig_warnings
+from pseudolidar.formats.rig_file import find_rig, read_any_rig
+from pseudolidar.formats.rig_json import missing_rig, rig_warnings
+from pseudolidar.formats.rig_reading import RigReading, RigUnit
 from pseudolidar.formats.timestamps import read_times
 from pseudolidar.sources.folder_layout import (
     Layout,
@@ -33,6 +34,8 @@ from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import StereoFrame
 
 RIG_FILE, TIMES_FILE = "rig.json", "times.txt"
+# Pictures that are looked at for their size before a rig without one is refused.
+PICTURES_TRIED = 20
 
 
 @dataclass(frozen=True)
@@ -46,12 +49,14 @@ class Folders:
     Args:
         path: folder of both eyes, or of the left one if `right` is given.
         right: folder of the right pictures.
-        rig: rig file; else `rig.json` in the folder.
+        rig: calibration of any known form; else the one in the folder: `rig.json`, `K.txt`,
+            `calib.txt`, OpenCV's or ROS's YAML.
         left_pattern: names of left pictures, such as `cam_a_*.png`.
         right_pattern: names of right pictures, such as `cam_b_*.png`.
         rate_hz: frames a second, where no times are known.
         tolerance_s: names that are times are paired up to this difference.
         scale_calibration: scale the rig where pictures have another size.
+        rig_unit: unit of lengths in calibrations that do not say it.
         limits: caps on the files.
     """
 
@@ -63,6 +68,7 @@ class Folders:
     rate_hz: float = 10.0
     tolerance_s: float = 0.01
     scale_calibration: bool = False
+    rig_unit: RigUnit | None = None
     limits: Limits = DEFAULT_LIMITS
 
     def open(self) -> FolderSource:
@@ -78,10 +84,11 @@ class Folders:
         """
         layout = self._layout()
         pairing = layout.pairing
-        rigs = _read_rigs(self, layout)
+        readings = _read_rigs(self, layout)
+        rigs = tuple(reading.of_rectified for reading in readings)
         times = _times(self, layout)
         source = FolderSource(
-            summary=_summary(self, layout, rigs, times),
+            summary=_summary(self, layout, readings, times),
             ids=tuple(safe_id(pair.key) for pair in pairing.pairs),
             timestamps_ns=times.timestamps_ns,
             refused=pairing.unpaired,
@@ -212,15 +219,19 @@ def seen_in(folder: Path) -> str:
     return f"{len(pictures)} pictures and {len(folders)} folders{examples}"
 
 
-def _read_rigs(settings: Folders, layout: Layout) -> tuple[StereoRig, ...]:
+def _read_rigs(settings: Folders, layout: Layout) -> tuple[RigReading, ...]:
     """The rig of all pairs, or, where each scene has its own, of each."""
     common = _common_rig_file(settings, layout)
+    pairs = layout.pairing.pairs
     if settings.rig is None and layout.scenes:
-        files = [pair.left.parent / RIG_FILE for pair in layout.pairing.pairs]
-        if any(file.exists() for file in files):
-            chosen = [file if file.exists() else common for file in files]
-            return tuple(_rectified_rig(file, settings) for file in chosen)
-    return (_rectified_rig(common, settings),)
+        files = [find_rig(pair.left.parent) for pair in pairs]
+        if any(file is not None for file in files):
+            chosen = [common if file is None else file for file in files]
+            return tuple(
+                _reading(file, settings, [pair.left])
+                for file, pair in zip(chosen, pairs, strict=True)
+            )
+    return (_reading(common, settings, [pair.left for pair in pairs]),)
 
 
 def _common_rig_file(settings: Folders, layout: Layout) -> Path | None:
@@ -228,21 +239,24 @@ def _common_rig_file(settings: Folders, layout: Layout) -> Path | None:
         return Path(settings.rig)
     folder = Path(settings.path)
     places = (folder, layout.left, layout.left.parent)
-    return next((place / RIG_FILE for place in places if (place / RIG_FILE).exists()), None)
+    return next((file for place in places if (file := find_rig(place)) is not None), None)
 
 
-def _rectified_rig(file: Path | None, settings: Folders) -> StereoRig:
+def _reading(file: Path | None, settings: Folders, pictures: Sequence[Path]) -> RigReading:
     if file is None:
         raise missing_rig(Path(settings.path) / RIG_FILE)
-    rig = read_rig(file, limits=settings.limits)
-    if not rig.is_rectified:
-        raise NotRectified(
-            "a rig of unrectified cameras",
-            want="rectified pictures and their rig: no distortion, equal focal lengths and rows",
-            fix="Rectify the pictures and give the rectified rig.",
-            path=file,
-        )
-    return rig
+    size_px = _first_size(pictures, settings.limits)
+    return read_any_rig(file, size_px=size_px, unit=settings.rig_unit, limits=settings.limits)
+
+
+def _first_size(pictures: Sequence[Path], limits: Limits) -> tuple[int, int] | None:
+    """(width, height) of the first picture that has a header; for rig files that do not say it."""
+    for picture in pictures[:PICTURES_TRIED]:
+        try:
+            return read_size(picture, limits=limits)
+        except PseudolidarError:
+            continue  # its frame is refused when it is loaded
+    return None
 
 
 def _times(settings: Folders, layout: Layout) -> FrameTimes:
@@ -267,10 +281,15 @@ def _times_file(settings: Folders, layout: Layout) -> Path | None:
 
 
 def _summary(
-    settings: Folders, layout: Layout, rigs: Sequence[StereoRig], times: FrameTimes
+    settings: Folders, layout: Layout, readings: Sequence[RigReading], times: FrameTimes
 ) -> SourceSummary:
     pairing = layout.pairing
-    warnings: Mapping[str, None] = dict.fromkeys(w for rig in rigs for w in rig_warnings(rig))
+    warnings: Mapping[str, None] = dict.fromkeys(
+        note
+        for reading in readings
+        for note in (*reading.notes, *rig_warnings(reading.of_rectified))
+    )
+    nearest_m = [reading.min_depth_m for reading in readings if reading.min_depth_m is not None]
     alone = len(pairing.unpaired)
     unpaired = (f"{alone} pictures without a partner left out",) if alone else ()
     return SourceSummary(
@@ -285,4 +304,5 @@ def _summary(
             *times.notes,
             *warnings,
         ),
+        nearest_m=min(nearest_m, default=None),
     )

@@ -1,4 +1,4 @@
-"""A source seen through another rig: cameras, baseline and correction of a rig file."""
+"""A source seen through another rig: cameras, baseline and correction of a calibration file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from typing import ClassVar
 import numpy as np
 
 from pseudolidar.errors import CalibrationSizeMismatch, NotRectified, PseudolidarError
-from pseudolidar.formats.rig_json import read_rig, rig_warnings
+from pseudolidar.formats.rig_file import read_any_rig
+from pseudolidar.formats.rig_json import rig_warnings
+from pseudolidar.formats.rig_reading import RigUnit
 from pseudolidar.geometry.frames import BASE_LINK, left_in_base_link
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.source import (
@@ -30,29 +32,39 @@ _DATE = re.compile(r"(?<![0-9])([0-9]{4})[-_./]([0-9]{2})[-_./]([0-9]{2})(?![0-9
 
 
 def opened_with_rig(
-    settings: SourceSettings, rig: Path | None, *, scale_calibration: bool = False
+    settings: SourceSettings,
+    rig: Path | None,
+    *,
+    scale_calibration: bool = False,
+    unit: RigUnit | None = None,
 ) -> FrameSequence[Frame]:
-    """Open a source; where a rig file is given, with that in place of its own calibration.
+    """Open a source; where a calibration is given, with that in place of its own.
 
     Args:
         settings: the source; folders of pictures need no rig of their own then.
-        rig: a rig.json, or None.
+        rig: a calibration of any known form, or None.
         scale_calibration: scale it to the images where they have another size.
+        unit: of its lengths, for files that do not say it.
 
     Raises:
         PseudolidarError: what opening the source, reading the file, or `with_rig` raises.
     """
+    if isinstance(settings, Folders):
+        own = settings if unit is None else replace(settings, rig_unit=unit)
+        if rig is not None:
+            own = replace(own, rig=str(rig), scale_calibration=scale_calibration)
+        return own.open()
     if rig is None:
         return settings.open()
-    if isinstance(settings, Folders):
-        own = replace(settings, rig=str(rig), scale_calibration=scale_calibration)
-        return own.open()
-    return with_rig(pairs_of(settings.open()), read_rig(rig), scale_calibration=scale_calibration)
+    source = pairs_of(settings.open())
+    reading = read_any_rig(rig, size_px=source.rig.left.size_px, unit=unit)
+    given = with_rig(source, reading.of_rectified, scale_calibration=scale_calibration)
+    return replace(given, notes=(*given.notes, *reading.notes))
 
 
 def with_rig(
     source: FrameSource, rig: StereoRig, *, scale_calibration: bool = False
-) -> FrameSource:
+) -> RiggedSource:
     """The source with the cameras, baseline and correction of `rig`.
 
     Velodyne, IMU and poses stay those of the source; where it has none, those of `rig` count.

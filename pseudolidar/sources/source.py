@@ -12,6 +12,9 @@ from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
 
 AnyFrame = TypeVar("AnyFrame", bound=Frame, covariant=True)
 
+# Nearest depth that is looked for where neither user nor data say one, m.
+DEFAULT_MIN_DEPTH_M = 3.0
+
 KIND_NAMES: dict[type[Frame], str] = {
     StereoFrame: "pairs of pictures",
     DepthFrame: "pictures with depth",
@@ -29,6 +32,7 @@ class SourceSummary:
         line: what it was recognised as, one line.
         absent: what this layout can have and the source has not ("labels", "velodyne of 10 of 11").
         notes: what was assumed ("time: synthetic", the pairing rule).
+        nearest_m: depth Z of the nearest thing that the data set says it holds, where it does.
     """
 
     kind: str
@@ -36,6 +40,7 @@ class SourceSummary:
     line: str
     absent: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    nearest_m: float | None = None
 
 
 class FrameSequence(Protocol[AnyFrame]):
@@ -82,6 +87,14 @@ class SourceSettings(Protocol):
 
     def open(self) -> FrameSequence[Frame]:
         """List the frames and read the calibration."""
+
+
+def nearest_depth_m(wanted_m: float | None, source: FrameSequence[Frame]) -> float:
+    """Nearest depth that must be found, m: what is wanted, else what the source says, else 3."""
+    if wanted_m is not None:
+        return wanted_m
+    stated_m = source.summary.nearest_m
+    return DEFAULT_MIN_DEPTH_M if stated_m is None else stated_m
 
 
 def pairs_of(source: FrameSequence[Frame]) -> FrameSource:
