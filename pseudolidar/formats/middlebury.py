@@ -21,13 +21,13 @@ from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.rig_parts import LEFT, RIGHT
 from pseudolidar.formats.rig_reading import PER_METRE, RigReading, RigUnit
-from pseudolidar.formats.text import TextLine, Word, read_lines
+from pseudolidar.formats.text import WORD, TextLine, Word, read_lines
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.pose import Pose
 
 _KEY = re.compile(r"[ \t]*([A-Za-z_]\w*)[ \t]*=[ \t]*")
-_SEPARATORS = re.compile(r"[\[\];,]")
+_IN_BRACKETS = re.compile(r"[^ \t\[\];,]+")
 MATRICES, NUMBERS = ("cam0", "cam1"), ("doffs", "baseline", "width", "height", "ndisp")
 OTHERS = ("isint", "vmin", "vmax", "dyavg", "dymax")
 # doffs and cx are written with three decimals each.
@@ -162,8 +162,9 @@ def _read(path: Path, limits: Limits) -> _Fields:
 
 
 def _numbers(line: TextLine, start: int, count: int) -> Float64:
-    text = _SEPARATORS.sub(" ", line.text) if count > 1 else line.text
-    words = [Word(m[0], m.start() + 1) for m in re.finditer(r"[^ \t]+", text) if m.start() >= start]
+    text = " " * start + line.text[start:]  # so that columns stay
+    form = _IN_BRACKETS if count > 1 else WORD
+    words = [Word(m[0], m.start() + 1) for m in form.finditer(text)]
     return np.array(line.numbers(words, count=count))
 
 

@@ -183,7 +183,7 @@ def test_a_torn_journal_is_continued(drive, tmp_path, reference):
 def test_other_settings_are_refused_unless_overwritten(drive, tmp_path):
     out = complete(drive, tmp_path)
     before = tree(out)
-    with pytest.raises(OutputSettings, match=r"min_depth = None, this one has 2\.0"):
+    with pytest.raises(OutputSettings, match=r"min_depth = null, this one has 2\.0"):
         run(job(drive, out, min_depth=2.0))
     assert tree(out) == before
     run(job(drive, out, min_depth=2.0, to="ply", overwrite=True))
