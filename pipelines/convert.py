@@ -110,7 +110,7 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
         settled = run.settled(log.held)
         rehearse(source, per_frame, folder=job.out, skip=settled, wanted=1).checked()
         for frame in run.good(stream(source, per_frame, workers=job.workers, skip=settled)):
-            log.append(frame.id, frame.value.chunk)
+            log.append(frame.id, frame.value.parts)
             run.commit(frame)
     result = run.result()
     chosen = {"matcher": described(job.matcher)} if source.yields is StereoFrame else {}

@@ -1,4 +1,4 @@
-"""Settings of the source as flags of their own: `--sequence` for `--source.sequence`."""
+"""Short names of flags: `--sequence` for `--source.sequence`, `--mcap-profile` with a dash."""
 
 from __future__ import annotations
 
@@ -30,6 +30,19 @@ def bare_flags(cls: type) -> dict[str, str]:
             plain = [f.flag for f in below if not f.choices and not is_settings(f.type)]
             found |= {f"--{n}": f"--{field.flag}.{n}" for n in plain if n not in taken}
     return found
+
+
+def dashed_flags(cls: type) -> dict[str, str]:
+    """Flags of nested settings, with their dot, by their name with a dash in its place.
+
+    Args:
+        cls: settings class of the verb.
+    """
+    fields = settings_fields(cls)
+    taken = {field.flag for field in fields}
+    nested = [field for field in fields if is_settings(field.type)]
+    names = [(field.flag, below.flag) for field in nested for below in settings_fields(field.type)]
+    return {f"--{a}-{b}": f"--{a}.{b}" for a, b in names if f"{a}-{b}" not in taken}
 
 
 def renamed(args: list[str], names: Mapping[str, str]) -> list[str]:

@@ -16,7 +16,7 @@ from pseudolidar.commandline.arguments import (
     take_value,
     wants_help,
 )
-from pseudolidar.commandline.bare_flags import bare_flags, renamed
+from pseudolidar.commandline.bare_flags import bare_flags, dashed_flags, renamed
 from pseudolidar.commandline.verbs import did_you_mean
 from pseudolidar.errors import PseudolidarError, UsageError
 from pseudolidar.running.settings_schema import (
@@ -90,7 +90,7 @@ def resolve(cls: type, args: list[str], given: object = None) -> Node:
         UsageError: a choice is unknown; the nearest is named.
     """
     bare = bare_flags(cls)
-    args[:] = renamed(args, bare)
+    args[:] = renamed(renamed(args, dashed_flags(cls)), bare)
     node = _resolve(cls, args, given, prefix="")
     by_place = [entry for entry in node.entries if entry.filled_by is FilledBy.PLACE]
     entries = [

@@ -1,6 +1,6 @@
 """MCAP recordings that survive a kill and end with the same bytes.
 
-A recording is a prologue (who wrote it, with which settings and calibration), then one chunk a
+A recording is a prologue (who wrote it, with which settings and calibration), then a few chunks a
 frame, then a summary. While it is written it is called `NAME.mcap.part`. Whole frames of a `.part`
 are kept where they stand, the torn end is cut off, and writing goes on: frames do not depend on one
 another, so the result is what an uninterrupted run writes.
@@ -18,18 +18,22 @@ from types import TracebackType
 from typing import Self
 
 from mcap.opcode import Opcode
+from mcap.records import Header
 
 from pseudolidar.errors import RecordingError, SequenceTime
 from pseudolidar.formats.atomic import drop_from_cache, fsync_folder, output_error, write_all
 from pseudolidar.formats.checksum import crc32
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.mcap_check import McapSummary, check_mcap
-from pseudolidar.formats.mcap_frame import FrameChunk, describe_chunk
+from pseudolidar.formats.mcap_frame import FramePart, IndexedChunk, describe_chunk
+from pseudolidar.formats.mcap_profile import Profile
+from pseudolidar.formats.mcap_profiles import profile_of_header
 from pseudolidar.formats.mcap_prolog import McapProlog, prolog_bytes
 from pseudolidar.formats.mcap_records import (
     MAGIC,
     PackedChunk,
     RawRecord,
+    parsed,
     read_record,
     unpacked,
 )
@@ -43,6 +47,7 @@ PART_SUFFIX = ".part"
 # once more from the complete file (20 ms each where they hold a dense cloud).
 CHECKED_FRAMES = 50
 READ_BLOCK_BYTES = 1 << 20
+BEFORE_FRAMES = (Opcode.HEADER, Opcode.METADATA, Opcode.ATTACHMENT)
 
 
 class McapLog:
@@ -74,7 +79,7 @@ class McapLog:
         self.path, self.part = path, part_path(path)
         self.summary: McapSummary | None = None
         self._check = check
-        self._builder = SummaryBuilder()
+        self._builder = SummaryBuilder(profile_of_header(prolog.profile))
         beginning = prolog_bytes(prolog, self._builder)
         with _as_output_error(path, len(beginning)):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -93,7 +98,7 @@ class McapLog:
         """Frames of `committed` that the file still has: the run goes on after them."""
         return self._held
 
-    def append(self, frame: FrameChunk, *, sync: bool = True) -> None:
+    def append(self, frame: FramePart, *, sync: bool = True) -> None:
         """Write a frame and make it durable.
 
         Args:
@@ -112,7 +117,7 @@ class McapLog:
                 where=f"frame {frame.frame_id}",
             )
         offset = self._offset
-        self._write(frame.head, frame.packed, frame.index, sync=sync)
+        self._write(*frame.parts, sync=sync)
         self._builder.add_frame(frame, offset)
 
     def sync(self) -> None:
@@ -167,11 +172,11 @@ class McapLog:
         if self._file.read(len(beginning)) == beginning:
             self._offset, self._crc = len(beginning), crc32(beginning)
             wanted = iter(committed)
-            for offset, frame in whole_frames(self._file, self._offset):
+            for offset, frame in whole_frames(self._file, self._offset, self._builder.profile):
                 if frame.frame_id != next(wanted, None):
                     break
                 self._builder.add_frame(frame, offset)
-                self._advance(frame.head, frame.packed, frame.index)
+                self._advance(*frame.parts)
                 held.append(frame.frame_id)
         self._held = tuple(held)
         with _as_output_error(self.path):
@@ -229,34 +234,51 @@ def frames_in(path: Path) -> tuple[str, ...]:
         with FileIO(path, "rb") as file:
             if file.read(len(MAGIC)) != MAGIC:
                 return ()
-            return tuple(frame.frame_id for _, frame in whole_frames(file, len(MAGIC)))
+            profile = profile_of_header(_header_profile(file))
+            return tuple(frame.frame_id for _, frame in whole_frames(file, len(MAGIC), profile))
     except FileNotFoundError:
         return ()
 
 
 def whole_frames(
-    file: FileIO, offset: int, limits: Limits = DEFAULT_LIMITS
-) -> Iterator[tuple[int, FrameChunk]]:
+    file: FileIO, offset: int, profile: Profile, limits: Limits = DEFAULT_LIMITS
+) -> Iterator[tuple[int, FramePart]]:
     """Frames from byte `offset` on with where they begin, up to the first damaged or cut."""
     size = file.seek(0, os.SEEK_END)
+    chunks: list[IndexedChunk] = []
+    begin = offset
     with contextlib.suppress(RecordingError):
         while offset < size:
             record = read_record(file, offset, size, limits)
             offset = record.end
             if record.opcode == Opcode.CHUNK:
-                frame = _frame(record, limits)
-                if file.read(len(frame.index)) != frame.index:
+                chunk = _chunk(record, profile, limits)
+                if file.read(len(chunk.index)) != chunk.index:
                     return
-                yield record.offset, frame
-                offset += len(frame.index)
-            elif record.opcode not in (Opcode.HEADER, Opcode.METADATA, Opcode.ATTACHMENT):
+                begin = begin if chunks else record.offset
+                chunks.append(chunk)
+                offset += len(chunk.index)
+                if chunk.marks is not None:
+                    yield begin, FramePart(chunk.marks, tuple(chunks))
+                    chunks = []
+            elif chunks or record.opcode not in BEFORE_FRAMES:
                 return
 
 
-def _frame(record: RawRecord, limits: Limits) -> FrameChunk:
+def _chunk(record: RawRecord, profile: Profile, limits: Limits) -> IndexedChunk:
     chunk = PackedChunk.parse(record)
     records = unpacked(chunk, record.offset, limits)
-    return describe_chunk(chunk, records, offset=record.offset)
+    return describe_chunk(chunk, records, profile, offset=record.offset)
+
+
+def _header_profile(file: FileIO) -> str:
+    """What the header after the magic says; empty where it cannot be read."""
+    size = file.seek(0, os.SEEK_END)
+    with contextlib.suppress(RecordingError):
+        record = read_record(file, len(MAGIC), size)
+        if record.opcode == Opcode.HEADER:
+            return parsed(Header, record).profile
+    return ""
 
 
 @contextlib.contextmanager

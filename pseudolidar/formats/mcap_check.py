@@ -5,10 +5,11 @@ from __future__ import annotations
 import array
 import os
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from io import FileIO
 from pathlib import Path
+from typing import TypeAlias
 
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -24,8 +25,11 @@ from mcap.records import (
 from pseudolidar.errors import PseudolidarError, RecordingError
 from pseudolidar.formats.checksum import crc32
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.mcap_channels import FRAME, PROTOBUF
-from pseudolidar.formats.mcap_check_messages import ChannelCheck, MessageChecks, message_class
+from pseudolidar.formats.mcap_channels import FRAME
+from pseudolidar.formats.mcap_check_messages import ChannelCheck, MessageChecks
+from pseudolidar.formats.mcap_facts import Fact
+from pseudolidar.formats.mcap_facts_foxglove import foxglove_facts, message_class
+from pseudolidar.formats.mcap_protobuf import PROTOBUF
 from pseudolidar.formats.mcap_records import (
     MAGIC,
     RECORD_HEADER,
@@ -43,6 +47,13 @@ from pseudolidar.formats.mcap_records import (
 
 # Bytes of a footer record after its CRC field's beginning.
 FOOTER_CRC_BYTES = 4
+# Time of the first message: what a chunk begins with.
+START_BYTES = 8
+# Encoding of messages by that of their schema.
+ENCODINGS = {PROTOBUF: PROTOBUF, "ros2msg": "cdr"}
+NO_SCHEMA = Schema(id=0, name="", encoding="", data=b"")
+
+Reader: TypeAlias = Callable[[bytes], Iterable[Fact]]
 
 
 @dataclass(frozen=True)
@@ -76,8 +87,9 @@ def check_mcap(path: Path, *, every: int = 1, limits: Limits = DEFAULT_LIMITS) -
 
     Args:
         path: a complete recording.
-        every: read each n-th chunk only; of the others place and length are checked, and their
-            messages are counted by their index. With 1 every byte of the file is.
+        every: read the chunks of each n-th moment only (our frames are several chunks of one
+            time); of the others place and length are checked, and their messages are counted by
+            their index. With 1 every byte of the file is.
         limits: caps on what it may claim.
 
     Raises:
@@ -98,12 +110,13 @@ class _Reading:
     def __init__(self, file: FileIO, every: int, limits: Limits) -> None:
         self._file, self._every, self._limits = file, every, limits
         self._size = file.seek(0, os.SEEK_END)
-        self._classes: dict[int, tuple[str, type | None]] = {}
+        self._schemas: dict[int, tuple[Schema, Reader | None]] = {}
         self._channels: dict[int, ChannelCheck] = {}
         self._counts: Counter[int] = Counter()
         self._messages = MessageChecks()
         # Begin and length of each chunk, to compare with the index.
         self._chunks = array.array("Q")
+        self._moment, self._moments = b"", 0
         self._unpack = True
 
     def run(self) -> McapSummary:
@@ -117,7 +130,7 @@ class _Reading:
         return McapSummary(
             frames=topics[FRAME],
             messages=dict(sorted(topics.items())),
-            skipped=tuple(sorted(c.topic for c in self._channels.values() if c.kind is None)),
+            skipped=tuple(sorted(c.topic for c in self._channels.values() if c.facts is None)),
             start_ns=self._messages.start_ns,
             end_ns=self._messages.end_ns,
             size_bytes=self._size,
@@ -132,7 +145,7 @@ class _Reading:
         while True:
             opcode, length = record_head(self._file, offset, self._size, self._limits)
             if opcode == Opcode.CHUNK:
-                self._unpack = len(self._chunks) // 2 % self._every == 0
+                self._unpack = self._is_wanted()
                 self._chunks.extend((offset, RECORD_HEADER.size + length))
                 if not self._unpack:
                     offset += RECORD_HEADER.size + length
@@ -146,6 +159,14 @@ class _Reading:
                 return offset
             crc = crc32(record.body, crc32(record.header(), crc))
             self._data_record(record)
+
+    def _is_wanted(self) -> bool:
+        """Whether the chunk that the file stands at is to be read."""
+        moment = self._file.read(START_BYTES)
+        if moment != self._moment:
+            self._moment = moment
+            self._moments += 1
+        return (self._moments - 1) % self._every == 0
 
     def _data_record(self, record: RawRecord) -> None:
         if record.opcode == Opcode.CHUNK:
@@ -169,18 +190,19 @@ class _Reading:
             self._add_message(parse_message(record), offset)
 
     def _add_schema(self, schema: Schema, offset: int) -> None:
-        if schema.id not in self._classes:
-            kind = message_class(schema, offset) if schema.encoding == PROTOBUF else None
-            self._classes[schema.id] = schema.name, kind
+        if schema.id not in self._schemas:
+            self._schemas[schema.id] = schema, _reader(schema, offset)
 
     def _add_channel(self, channel: Channel, offset: int) -> None:
         if channel.id in self._channels:
             return
-        readable = channel.message_encoding == PROTOBUF
-        if channel.schema_id not in self._classes and (readable or channel.schema_id):
+        encoding = channel.message_encoding
+        if channel.schema_id not in self._schemas and (encoding == PROTOBUF or channel.schema_id):
             raise broken(f"topic {channel.topic!r} without a schema", offset)
-        name, kind = self._classes.get(channel.schema_id, ("", None))
-        self._channels[channel.id] = ChannelCheck(channel.topic, name, kind if readable else None)
+        schema, reader = self._schemas.get(channel.schema_id, (NO_SCHEMA, None))
+        readable = encoding == ENCODINGS.get(schema.encoding)
+        facts = reader if readable else None
+        self._channels[channel.id] = ChannelCheck(channel.topic, schema.name, facts)
 
     def _add_message(self, message: RawMessage, offset: int) -> None:
         channel = self._channels.get(message.channel_id)
@@ -217,3 +239,16 @@ class _Reading:
         crc = crc32(record.body[:-FOOTER_CRC_BYTES], crc32(record.header(), crc))
         if parsed(Footer, record).summary_crc not in (0, crc):
             raise broken("a summary whose CRC does not match", record.offset)
+
+
+def _reader(schema: Schema, offset: int) -> Reader | None:
+    """What tells the facts of messages of a schema; None where they cannot be read here."""
+    if schema.encoding == PROTOBUF:
+        kind = message_class(schema, offset)
+        return lambda data: foxglove_facts(schema.name, kind.FromString(data))
+    if schema.encoding == "ros2msg":
+        from pseudolidar.formats.mcap_facts_ros2 import ros2_decoder, ros2_facts
+
+        decode = ros2_decoder(schema)
+        return decode and (lambda data: ros2_facts(schema.name, decode(data)))
+    return None

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
-
-from google.protobuf.descriptor_pb2 import FileDescriptorSet
-from google.protobuf.descriptor_pool import DescriptorPool
-from google.protobuf.message import DecodeError
-from google.protobuf.message_factory import GetMessageClass
-from mcap.records import Schema
 
 from pseudolidar.errors import RecordingError
-from pseudolidar.formats.mcap_points import NUMERIC_TYPES
-from pseudolidar.formats.mcap_records import RawMessage, broken
-from pseudolidar.formats.timestamps import NS_PER_S
+from pseudolidar.formats.mcap_facts import (
+    CameraNumbers,
+    CloudLayout,
+    Edge,
+    EncodedImage,
+    Fact,
+    ImageLayout,
+    Rotation,
+    Stamp,
+    Used,
+)
+from pseudolidar.formats.mcap_records import RawMessage
 
 # A quaternion stored as float64 is a unit to rounding; viewers normalise, but refuse zero.
 UNIT_TOLERANCE = 1e-6
 
-BYTES_OF_TYPE = {number: int(kind[2:]) for kind, number in NUMERIC_TYPES.items()}
-# Bytes of a pixel by encoding of `foxglove.RawImage`.
+# Bytes of a pixel by encoding of a raw picture.
 BYTES_OF_ENCODING = {
     "mono8": 1,
     "8UC1": 1,
@@ -48,40 +49,16 @@ class ChannelCheck:
     Args:
         topic: its topic.
         schema: name of its schema.
-        kind: class of its messages, or None where they cannot be read here.
+        facts: what is to be checked of a serialised message, or None where it cannot be read here.
         log_time_ns: time of its last message.
         stamp_ns: stamp within its last message.
     """
 
     topic: str
     schema: str
-    kind: Any
+    facts: Callable[[bytes], Iterable[Fact]] | None
     log_time_ns: int = 0
     stamp_ns: int = 0
-
-
-def message_class(schema: Schema, offset: int) -> Any:
-    """The class that a protobuf schema describes, built from the file alone.
-
-    Raises:
-        RecordingError: the schema lacks a file that it imports, or the message.
-    """
-    pool = DescriptorPool()
-    try:
-        files = {file.name: file for file in FileDescriptorSet.FromString(schema.data).file}
-
-        def add(name: str) -> None:
-            file = files.pop(name, None)
-            if file is not None:
-                for imported in file.dependency:
-                    add(imported)
-                pool.Add(file)
-
-        while files:
-            add(next(iter(files)))
-        return GetMessageClass(pool.FindMessageTypeByName(schema.name))
-    except (TypeError, KeyError, DecodeError) as error:
-        raise broken(f"schema {schema.name!r} is not complete ({error})", offset) from error
 
 
 class MessageChecks:
@@ -105,18 +82,17 @@ class MessageChecks:
         channel.log_time_ns = time_ns
         self.start_ns = min(self.start_ns, time_ns) if self.end_ns else time_ns
         self.end_ns = max(self.end_ns, time_ns)
-        if channel.kind is None:
+        if channel.facts is None:
             return
         try:
-            content = channel.kind.FromString(message.data)
-        except DecodeError as error:
-            raise _wrong(channel, f"a message that is no {channel.schema} ({error})") from error
-        try:
-            self._check_stamp(channel, content)
-            self._check_content(channel, content)
+            facts = tuple(channel.facts(bytes(message.data)))
         except (AttributeError, TypeError) as error:
             # The class comes from the file: it may have other fields than its name promises.
-            raise _wrong(channel, f"a schema that is not that of Foxglove ({error})") from error
+            raise _wrong(channel, f"a schema that is not that of its name ({error})") from error
+        except Exception as error:  # whatever a decoder says of bytes that are no message
+            raise _wrong(channel, f"a message that is no {channel.schema} ({error})") from error
+        for fact in facts:
+            self._check_fact(channel, fact)
 
     def finish(self) -> None:
         """Check that transforms form one tree that has every frame in use.
@@ -146,84 +122,64 @@ class MessageChecks:
                 raise RecordingError(f"transforms in a circle: {' > '.join(seen)}", want="a tree")
         return seen[-1]
 
-    def _check_stamp(self, channel: ChannelCheck, content: Any) -> None:
-        if "timestamp" not in content.DESCRIPTOR.fields_by_name:
-            return
-        stamp_ns = content.timestamp.seconds * NS_PER_S + content.timestamp.nanos
-        if stamp_ns <= 0 or stamp_ns < channel.stamp_ns:
-            raise _wrong(channel, f"stamp {stamp_ns} ns after {channel.stamp_ns} ns")
-        channel.stamp_ns = stamp_ns
-
-    def _check_content(self, channel: ChannelCheck, content: Any) -> None:
-        match channel.schema:
-            case "foxglove.FrameTransforms":
-                for transform in content.transforms:
-                    self._check_transform(channel, transform)
-            case "foxglove.PointCloud":
-                _check_cloud(channel, content)
-            case "foxglove.RawImage":
-                _check_raw_image(channel, content)
-            case "foxglove.CompressedImage":
-                _check_compressed_image(channel, content)
-            case "foxglove.CameraCalibration":
-                _check_calibration(channel, content)
-            case "foxglove.SceneUpdate":
-                for entity in content.entities:
-                    self._used.setdefault(entity.frame_id, channel.topic)
-        if "frame_id" in content.DESCRIPTOR.fields_by_name:
-            self._used.setdefault(content.frame_id, channel.topic)
-
-    def _check_transform(self, channel: ChannelCheck, transform: Any) -> None:
-        parent, child = transform.parent_frame_id, transform.child_frame_id
-        if self._parents.setdefault(child, parent) != parent:
-            both = f"{parent!r} and {self._parents[child]!r}"
-            raise _wrong(channel, f"frame {child!r} with the parents {both}")
-        _check_unit(channel, transform.rotation)
-        self._check_stamp(channel, transform)
+    def _check_fact(self, channel: ChannelCheck, fact: Fact) -> None:
+        match fact:
+            case Stamp(stamp_ns):
+                if stamp_ns <= 0 or stamp_ns < channel.stamp_ns:
+                    raise _wrong(channel, f"stamp {stamp_ns} ns after {channel.stamp_ns} ns")
+                channel.stamp_ns = stamp_ns
+            case Used(frame):
+                self._used.setdefault(frame, channel.topic)
+            case Edge(parent, child):
+                if self._parents.setdefault(child, parent) != parent:
+                    both = f"{parent!r} and {self._parents[child]!r}"
+                    raise _wrong(channel, f"frame {child!r} with the parents {both}")
+            case Rotation(norm):
+                if not abs(norm - 1) <= UNIT_TOLERANCE:
+                    raise _wrong(channel, f"a quaternion of norm {norm:g}")
+            case CloudLayout():
+                _check_cloud(channel, fact)
+            case ImageLayout():
+                _check_raw_image(channel, fact)
+            case EncodedImage():
+                _check_encoded_image(channel, fact)
+            case CameraNumbers():
+                _check_camera(channel, fact)
 
 
-def _check_unit(channel: ChannelCheck, q: Any) -> None:
-    norm = math.hypot(q.x, q.y, q.z, q.w)
-    if not abs(norm - 1) <= UNIT_TOLERANCE:
-        raise _wrong(channel, f"a quaternion of norm {norm:g}")
-
-
-def _check_cloud(channel: ChannelCheck, cloud: Any) -> None:
-    _check_unit(channel, cloud.pose.orientation)
+def _check_cloud(channel: ChannelCheck, cloud: CloudLayout) -> None:
     end = 0
-    for column in cloud.fields:
-        size = BYTES_OF_TYPE.get(column.type)
+    for name, offset, size in cloud.fields:
         if size is None:
-            raise _wrong(channel, f"field {column.name!r} without a type")
-        if column.offset < end or column.offset + size > cloud.point_stride:
-            raise _wrong(channel, f"field {column.name!r} at byte {column.offset} of the point")
-        end = column.offset + size
-    names = [column.name for column in cloud.fields]
+            raise _wrong(channel, f"field {name!r} without a type")
+        if offset < end or offset + size > cloud.stride:
+            raise _wrong(channel, f"field {name!r} at byte {offset} of the point")
+        end = offset + size
+    names = [name for name, _, _ in cloud.fields]
     if len(set(names)) != len(names) or not {"x", "y", "z"} <= set(names):
         raise _wrong(channel, f"fields {', '.join(names)}")
-    size = len(cloud.data)
-    if size % cloud.point_stride:
-        raise _wrong(channel, f"{size} bytes of points of {cloud.point_stride} bytes")
+    if cloud.nbytes % cloud.stride:
+        raise _wrong(channel, f"{cloud.nbytes} bytes of points of {cloud.stride} bytes")
 
 
-def _check_raw_image(channel: ChannelCheck, image: Any) -> None:
+def _check_raw_image(channel: ChannelCheck, image: ImageLayout) -> None:
     pixel = BYTES_OF_ENCODING.get(image.encoding)
     if pixel is None:
         raise _wrong(channel, f"encoding {image.encoding!r}")
-    if image.step < image.width * pixel or len(image.data) != image.step * image.height:
+    if image.step < image.width * pixel or image.nbytes != image.step * image.height:
         size = f"{image.width}x{image.height} pixels, {image.step} bytes a row"
-        raise _wrong(channel, f"{len(image.data)} bytes for {size}")
+        raise _wrong(channel, f"{image.nbytes} bytes for {size}")
 
 
-def _check_compressed_image(channel: ChannelCheck, image: Any) -> None:
-    if image.format not in IMAGE_ENDS:
+def _check_encoded_image(channel: ChannelCheck, image: EncodedImage) -> None:
+    if image.kind not in IMAGE_ENDS:
         return
-    first, last = IMAGE_ENDS[image.format]
+    first, last = IMAGE_ENDS[image.kind]
     if not (image.data.startswith(first) and image.data.endswith(last)):
-        raise _wrong(channel, f"{len(image.data)} bytes that are no whole {image.format}")
+        raise _wrong(channel, f"{len(image.data)} bytes that are no whole {image.kind}")
 
 
-def _check_calibration(channel: ChannelCheck, camera: Any) -> None:
+def _check_camera(channel: ChannelCheck, camera: CameraNumbers) -> None:
     sizes = len(camera.K), len(camera.R), len(camera.P)
     if sizes != (9, 9, 12) or not camera.K[0] > 0:
         raise _wrong(channel, f"K, R, P of {sizes} numbers, focal length {camera.K[:1]}")

@@ -1,36 +1,51 @@
-"""Frames as messages: pure functions from nouns to serialised Foxglove protobuf."""
+"""Frames as messages: pure functions from nouns to what a recording holds of them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
-from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
-from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
-from foxglove_schemas_protobuf.Log_pb2 import Log
-from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 
-from pseudolidar.errors import StructureError
-from pseudolidar.formats import mcap_channels as channels
+from pseudolidar.errors import SequenceTime, StructureError
 from pseudolidar.formats.image import encode_jpeg, encode_png
+from pseudolidar.formats.mcap_columns import cloud_columns, scan_columns
 from pseudolidar.formats.mcap_content import DEFAULT_CONTENT, McapContent
-from pseudolidar.formats.mcap_points import cloud_message, scan_message
-from pseudolidar.formats.mcap_protobuf import Parts, serialised, set_stamp, with_data
-from pseudolidar.formats.mcap_scene import labels_message
-from pseudolidar.geometry.frames import MAP, frame_tree
-from pseudolidar.geometry.quaternion import quaternion_wxyz
-from pseudolidar.structures.arrays import AnyArray, Float64, Image
+from pseudolidar.formats.mcap_items import (
+    Boxes,
+    CameraModel,
+    Disparity,
+    Item,
+    Kind,
+    Note,
+    Picture,
+    Points,
+    Raster,
+    Transforms,
+)
+from pseudolidar.formats.mcap_profile import Profile
+from pseudolidar.formats.mcap_profiles import profile_of
+from pseudolidar.formats.mcap_records import Parts
+from pseudolidar.geometry.frames import MAP, ODOM, camera_tree, component, frame_tree
+from pseudolidar.geometry.thinning import thinned
+from pseudolidar.structures.arrays import Image
 from pseudolidar.structures.camera import Camera
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
-from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.frame import LidarScan, StereoFrame
 from pseudolidar.structures.pose import Pose
+from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
 
 MM_PER_M = 1000.0
 # Largest depth of a 16-bit image; a depth that rounds to more is left out, not cut.
 FARTHEST_MM = 65535.0
+
+CLOUD_KINDS = {
+    ("plain", True): Kind.STEREO_POINTS,
+    ("plain", False): Kind.POINTS,
+    ("draco", True): Kind.STEREO_POINTS_DRACO,
+    ("draco", False): Kind.POINTS_DRACO,
+}
 
 
 @dataclass(frozen=True)
@@ -38,12 +53,14 @@ class LogMessage:
     """One message of a recording.
 
     Args:
-        topic: one of `mcap_channels.TOPICS`.
+        profile: whose topics there are.
+        channel: identifier of its topic in the profile.
         timestamp_ns: time it is filed under: that of its frame.
         parts: serialised message of the topic's schema, in pieces.
     """
 
-    topic: str
+    profile: Profile
+    channel: int
     timestamp_ns: int
     parts: Parts
 
@@ -53,8 +70,25 @@ class LogMessage:
         return sum(len(part) for part in self.parts)
 
 
+@dataclass(frozen=True, eq=False)
+class Results:
+    """What a frame has become.
+
+    Args:
+        disparity: of the left image of a pair.
+        depth: of the left image, or of the only one.
+        cloud: in any frame of the tree.
+        notes: lines for the log, besides those of the frame.
+    """
+
+    disparity: DisparityMap | None = None
+    depth: DepthMap | None = None
+    cloud: PointCloud | None = None
+    notes: Sequence[str] = field(default=())
+
+
 def frame_messages(
-    frame: StereoFrame,
+    frame: Frame,
     *,
     disparity: DisparityMap | None = None,
     depth: DepthMap | None = None,
@@ -65,11 +99,11 @@ def frame_messages(
     """Everything a recording holds of a frame; pure, for worker threads.
 
     Args:
-        frame: the pair; its scan, labels and pose are written where it has them, a scan only
-            where it is calibrated to the cameras.
-        disparity: of the left image.
-        depth: of the left image.
-        cloud: stereo cloud, in any frame of the rig.
+        frame: a pair, a picture with depth, or a ready-made cloud; its scan, labels and pose are
+            written where it has them, a scan only where it is calibrated to the rest.
+        disparity: of the left image of a pair.
+        depth: of the left image, or of the only one.
+        cloud: stereo cloud, in any frame of the rig; or the cloud of the frame.
         notes: lines for the log, besides those of the frame.
         content: what to write, and how.
 
@@ -77,155 +111,170 @@ def frame_messages(
         SequenceTime: the frame's time stamp is not positive.
         StructureError: a column of the cloud is not one number a point, or the cloud is in a frame
             that the rig does not have.
+        MissingDependency: clouds are to be packed by Draco, and it is not installed.
     """
-    tree = frame_tree(frame.rig, frame.pose)
-    notes = (*frame.notes, *notes)
-    known = {MAP, *(pose.src for pose in tree)}
-    if cloud is not None and cloud.frame not in known:
-        raise StructureError(
-            f"a cloud in frame {cloud.frame!r}", want=f"one of {', '.join(sorted(known))}"
-        )
-    topics = (
-        *_frame_topics(frame, notes, tree),
-        *_picture_topics(frame, content),
-        *_known_topics(frame, content, known),
-        *_result_topics(frame, disparity, depth, cloud, content),
+    if frame.timestamp_ns <= 0:  # which viewers take for "no time"
+        raise SequenceTime(f"time stamp {frame.timestamp_ns} ns", want="a positive number")
+    results = Results(disparity, depth, cloud, notes)
+    match frame:
+        case StereoFrame():
+            items = _pair_items(frame, results, content)
+        case DepthFrame():
+            items = _depth_items(frame, results, content)
+        case RecordedCloud():
+            items = _cloud_items(frame, results, content)
+    profile, time_ns = profile_of(content), frame.timestamp_ns
+    encoded = (
+        (channel, topic.encode(item.content, time_ns))
+        for item in items
+        for channel, topic in profile.topics_of(item.kind)
     )
-    return tuple(LogMessage(topic, frame.timestamp_ns, parts) for topic, parts in topics)
+    return tuple(
+        LogMessage(profile, channel, time_ns, parts) for channel, parts in encoded if parts
+    )
 
 
-def _frame_topics(
-    frame: StereoFrame, notes: Iterable[str], tree: Iterable[Pose]
-) -> Iterator[tuple[str, Parts]]:
-    time_ns = frame.timestamp_ns
-    yield channels.FRAME, log_message(_marker_text(frame), time_ns, name=frame.id)
-    for note in notes:
-        yield channels.LOG, log_message(note, time_ns, name=frame.id)
-    yield channels.TRANSFORMS, transforms_message(tree, time_ns)
-
-
-def _picture_topics(frame: StereoFrame, content: McapContent) -> Iterator[tuple[str, Parts]]:
-    rig, time_ns = frame.rig, frame.timestamp_ns
+def _pair_items(frame: StereoFrame, results: Results, content: McapContent) -> Iterator[Item]:
+    rig, scan = frame.rig, frame.scan
+    tree = frame_tree(rig, frame.pose)
+    known = _names(tree)
     left, right = rig.left.frame, rig.T_right_left.dst
-    yield channels.LEFT_CALIBRATION, calibration_message(rig.left, rig.P_left, left, time_ns)
-    yield channels.RIGHT_CALIBRATION, calibration_message(rig.right, rig.P_right, right, time_ns)
+    yield _mark(frame, pose=frame.pose)
+    yield from _notes(frame, results.notes)
+    yield _body_transforms(tree)
+    yield from _pose(frame.pose)
+    yield Item(Kind.LEFT_CAMERA, CameraModel(rig.left, rig.P_left, left, left))
+    yield Item(Kind.RIGHT_CAMERA, CameraModel(rig.right, rig.P_right, right, left))
     if content.images != "none":
-        yield channels.LEFT_IMAGE, picture_message(frame.left, left, time_ns, content)
-        yield channels.RIGHT_IMAGE, picture_message(frame.right, right, time_ns, content)
+        yield Item(Kind.LEFT_IMAGE, _picture(frame.left, left, left, content))
+        yield Item(Kind.RIGHT_IMAGE, _picture(frame.right, right, left, content))
+    yield from _scan(frame.id, scan, known, content)
+    if content.labels and frame.labels is not None:
+        placed = (
+            label for label in frame.labels if label.box is None or label.box.pose.dst in known
+        )
+        yield Item(Kind.LABELS, Boxes(tuple(placed), left))
+    if content.disparity and results.disparity is not None:
+        yield Item(Kind.DISPARITY, Disparity(results.disparity, rig))
+    yield from _depth(results.depth, left, content, Kind.DEPTH, Kind.DEPTH_PNG)
+    if results.cloud is not None and results.cloud.frame not in known:
+        raise StructureError(
+            f"a cloud in frame {results.cloud.frame!r}", want=f"one of {', '.join(sorted(known))}"
+        )
+    yield from _cloud(frame, results.cloud, content, stereo=True)
 
 
-def _known_topics(
-    frame: StereoFrame, content: McapContent, known: Set[str]
-) -> Iterator[tuple[str, Parts]]:
-    """Scan and boxes of the data set; viewers cannot place those in a frame outside the tree."""
-    time_ns, scan, labels = frame.timestamp_ns, frame.scan, frame.labels
-    if content.scan and scan is not None:
-        if scan.frame in known:
-            yield channels.SCAN, scan_message(scan, time_ns)
-        else:
-            text = f"scan left out: {scan.frame} is not calibrated to the cameras"
-            yield channels.LOG, log_message(text, time_ns, name=frame.id)
-    if content.labels and labels is not None:
-        placed = [label for label in labels if label.box is None or label.box.pose.dst in known]
-        yield channels.LABELS, labels_message(placed, time_ns)
+def _depth_items(frame: DepthFrame, results: Results, content: McapContent) -> Iterator[Item]:
+    camera: Camera = frame.camera
+    name = camera.frame
+    yield _mark(frame, pose=frame.pose)
+    yield from _notes(frame, results.notes)
+    yield _body_transforms(camera_tree(camera, frame.pose))
+    yield from _pose(frame.pose)
+    P = np.hstack([camera.K, np.zeros((3, 1))])
+    yield Item(Kind.CAMERA, CameraModel(camera, P, name, name))
+    if content.images != "none":
+        yield Item(Kind.IMAGE, _picture(frame.image, name, name, content))
+    depth = frame.depth if results.depth is None else results.depth
+    yield from _depth(depth, name, content, Kind.CAMERA_DEPTH, Kind.CAMERA_DEPTH_PNG)
+    yield from _cloud(frame, results.cloud, content, stereo=False)
 
 
-def _result_topics(
-    frame: StereoFrame,
-    disparity: DisparityMap | None,
-    depth: DepthMap | None,
-    cloud: PointCloud | None,
-    content: McapContent,
-) -> Iterator[tuple[str, Parts]]:
-    name, time_ns = frame.rig.left.frame, frame.timestamp_ns
-    if content.disparity and disparity is not None:
-        yield channels.DISPARITY, disparity_message(disparity, name, time_ns)
-    if content.depth == "raw" and depth is not None:
-        yield channels.DEPTH, depth_message(depth, name, time_ns)
-    if content.depth == "png" and depth is not None:
-        yield channels.DEPTH_PNG, depth_png_message(depth, name, time_ns)
-    if content.cloud and cloud is not None:
-        yield channels.POINTS, cloud_message(cloud, time_ns, pixels=content.pixels)
+def _cloud_items(frame: RecordedCloud, results: Results, content: McapContent) -> Iterator[Item]:
+    cloud = frame.cloud if results.cloud is None else results.cloud
+    tree = component(frame.tree, cloud.frame)
+    yield Item(Kind.MARK, Note(_mark_text(frame), frame.id))
+    yield from _notes(frame, results.notes)
+    if tree:
+        yield Item(Kind.TRANSFORMS, Transforms(tree))
+    if len(tree) < len(frame.tree):
+        text = f"transforms left out that are not tied to {cloud.frame}, the frame of the points"
+        yield Item(Kind.NOTE, Note(text, frame.id))
+    yield from _scan(frame.id, frame.scan, _names(tree) | {cloud.frame}, content)
+    # Only what came from two eyes says how sure it is of each point.
+    yield from _cloud(frame, cloud, content, stereo=cloud.sigma_m is not None)
 
 
-def _marker_text(frame: StereoFrame) -> str:
-    text = f"frame {frame.id}, index {frame.index}"
-    return text if frame.pose else text + ", no pose: map, odom and base_link coincide"
+def _names(tree: Iterable[Pose]) -> Set[str]:
+    return {name for pose in tree for name in (pose.dst, pose.src)}
 
 
-def log_message(text: str, timestamp_ns: int, *, name: str = "") -> Parts:
-    """A line of the log; `name` says of what."""
-    message = Log(level=Log.INFO, message=text, name=name)
-    set_stamp(message.timestamp, timestamp_ns)
-    return serialised(message)
+def _mark_text(frame: Frame) -> str:
+    return f"frame {frame.id}, index {frame.index}"
 
 
-def transforms_message(tree: Iterable[Pose], timestamp_ns: int) -> Parts:
-    """Transforms `T_parent_child`, repeated with every frame so that seeking works."""
-    message = FrameTransforms()
-    for pose in tree:
-        x, y, z = pose.translation_m
-        qw, qx, qy, qz = quaternion_wxyz(pose.matrix[:3, :3])
-        transform = message.transforms.add(parent_frame_id=pose.dst, child_frame_id=pose.src)
-        set_stamp(transform.timestamp, timestamp_ns)
-        transform.translation.x, transform.translation.y, transform.translation.z = x, y, z
-        rotation = transform.rotation
-        rotation.x, rotation.y, rotation.z, rotation.w = qx, qy, qz, qw
-    return serialised(message)
+def _mark(frame: StereoFrame | DepthFrame, *, pose: Pose | None) -> Item:
+    text = _mark_text(frame)
+    unknown = "" if pose else ", no pose: map, odom and base_link coincide"
+    return Item(Kind.MARK, Note(text + unknown, frame.id))
 
 
-def calibration_message(camera: Camera, P: Float64, frame: str, timestamp_ns: int) -> Parts:
-    """A rectified camera.
-
-    Args:
-        camera: intrinsics and size.
-        P: (3, 4) projection of points in the left camera's frame; `P[0, 3] = -f B` for the right.
-        frame: name of the camera's optical frame.
-        timestamp_ns: stamp of the image.
-    """
-    message = CameraCalibration(
-        frame_id=frame,
-        width=camera.width_px,
-        height=camera.height_px,
-        distortion_model="plumb_bob",
-        K=camera.K.ravel().tolist(),
-        R=np.eye(3).ravel().tolist(),
-        P=P.ravel().tolist(),
-    )
-    set_stamp(message.timestamp, timestamp_ns)
-    return serialised(message)
+def _notes(frame: Frame, notes: Sequence[str]) -> Iterator[Item]:
+    for note in (*frame.notes, *notes):
+        yield Item(Kind.NOTE, Note(note, frame.id))
 
 
-def picture_message(image: Image, frame: str, timestamp_ns: int, content: McapContent) -> Parts:
+def _body_transforms(tree: tuple[Pose, ...]) -> Item:
+    """Of a body with sensors: only what hangs on the world moves."""
+    moving = tuple(pose for pose in tree if pose.dst in (MAP, ODOM))
+    fixed = tuple(pose for pose in tree if pose.dst not in (MAP, ODOM))
+    return Item(Kind.TRANSFORMS, Transforms(moving, fixed))
+
+
+def _pose(pose: Pose | None) -> Iterator[Item]:
+    if pose is not None:
+        yield Item(Kind.POSE, pose)
+
+
+def _scan(
+    frame_id: str, scan: LidarScan | None, known: Set[str], content: McapContent
+) -> Iterator[Item]:
+    """A scan, which viewers cannot place in a frame outside the tree."""
+    if not content.scan or scan is None:
+        return
+    if scan.frame in known:
+        yield Item(Kind.SCAN, Points(scan_columns(scan), scan.frame, scan.timestamp_ns))
+    else:
+        text = f"scan left out: {scan.frame} is not calibrated to the cameras"
+        yield Item(Kind.NOTE, Note(text, frame_id))
+
+
+def _depth(
+    depth: DepthMap | None, frame: str, content: McapContent, raw: Kind, png: Kind
+) -> Iterator[Item]:
+    if depth is None:
+        return
+    if content.depth == "raw":
+        yield Item(raw, Raster(depth_mm(depth), "16UC1", frame))
+    elif content.depth == "png":
+        data = encode_png(depth_mm(depth).astype(np.uint16))
+        yield Item(png, Picture(data, "png", "16UC1", frame, frame))
+
+
+def _cloud(
+    frame: Frame, cloud: PointCloud | None, content: McapContent, *, stereo: bool
+) -> Iterator[Item]:
+    if not content.cloud or cloud is None:
+        return
+    if content.max_points and len(cloud) > content.max_points:
+        whole = cloud if cloud.shape is None else cloud[cloud.valid]
+        cloud = thinned(whole, content.max_points)
+        if len(cloud) < len(whole):
+            text = (
+                f"points of this message: {len(cloud)} of {len(whole)}, fewer where they are dense"
+            )
+            yield Item(Kind.NOTE, Note(text, frame.id))
+    columns = cloud_columns(cloud, pixels=content.pixels)
+    kind = CLOUD_KINDS[content.cloud_format, stereo]
+    yield Item(kind, Points(columns, cloud.frame, cloud.timestamp_ns))
+
+
+def _picture(image: Image, frame: str, left: str, content: McapContent) -> Picture:
     """An image as JPEG or PNG; 16-bit images keep their values in a PNG."""
+    pixels = ("rgb" if image.ndim == 3 else "mono") + str(8 * image.itemsize)
     if content.images == "jpeg" and image.dtype == np.uint8:
-        data = encode_jpeg(image, content.jpeg_quality)
-        return compressed_image_message(data, "jpeg", frame, timestamp_ns)
-    return compressed_image_message(encode_png(image), "png", frame, timestamp_ns)
-
-
-def compressed_image_message(data: bytes, kind: str, frame: str, timestamp_ns: int) -> Parts:
-    """Encoded bytes of a picture; `kind` is `jpeg` or `png`."""
-    message = CompressedImage(frame_id=frame, format=kind)
-    set_stamp(message.timestamp, timestamp_ns)
-    return with_data(message, data)
-
-
-def disparity_message(disparity: DisparityMap, frame: str, timestamp_ns: int) -> Parts:
-    """Disparity in px, 32-bit float, NaN where there is none."""
-    return _raw_image(disparity.values.astype("<f4", copy=False), "32FC1", frame, timestamp_ns)
-
-
-def depth_message(depth: DepthMap, frame: str, timestamp_ns: int) -> Parts:
-    """Depth in mm, 16 bits, as ROS REP-118 has it."""
-    return _raw_image(depth_mm(depth), "16UC1", frame, timestamp_ns)
-
-
-def depth_png_message(depth: DepthMap, frame: str, timestamp_ns: int) -> Parts:
-    """Depth in mm as a 16-bit PNG."""
-    return compressed_image_message(
-        encode_png(depth_mm(depth).astype(np.uint16)), "png", frame, timestamp_ns
-    )
+        return Picture(encode_jpeg(image, content.jpeg_quality), "jpeg", pixels, frame, left)
+    return Picture(encode_png(image), "png", pixels, frame, left)
 
 
 def depth_mm(depth: DepthMap) -> Image:
@@ -233,16 +282,3 @@ def depth_mm(depth: DepthMap) -> Image:
     mm = np.rint(depth.values * np.float32(MM_PER_M))
     inside = (mm > 0) & (mm <= FARTHEST_MM)  # False for NaN
     return np.where(inside, mm, 0).astype("<u2")
-
-
-def _raw_image(values: AnyArray, encoding: str, frame: str, timestamp_ns: int) -> Parts:
-    height, width = values.shape
-    message = RawImage(
-        frame_id=frame,
-        width=width,
-        height=height,
-        encoding=encoding,
-        step=width * values.itemsize,
-    )
-    set_stamp(message.timestamp, timestamp_ns)
-    return with_data(message, values)

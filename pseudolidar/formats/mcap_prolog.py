@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 
 from mcap.records import Attachment, AttachmentIndex, Header, Metadata, MetadataIndex
 
+from pseudolidar.formats.mcap_content import DEFAULT_CONTENT, McapContent
+from pseudolidar.formats.mcap_profiles import profile_of
 from pseudolidar.formats.mcap_records import MAGIC, record_bytes
 from pseudolidar.formats.mcap_summary import SummaryBuilder
 from pseudolidar.structures.disparity import RADIUS_95_PER_SIGMA
@@ -22,10 +24,12 @@ class McapProlog:
     Args:
         metadata: stored as the metadata record `pseudolidar`.
         attachments: texts by file name, such as `calibration.json`.
+        profile: as the header names it: `ros2`, or empty.
     """
 
     metadata: Mapping[str, str]
     attachments: Mapping[str, str] = field(default_factory=dict)
+    profile: str = ""
 
 
 def describe_recording(
@@ -37,6 +41,7 @@ def describe_recording(
     source: str,
     time: str = "recorded",
     poses: str = "of the source",
+    content: McapContent = DEFAULT_CONTENT,
 ) -> McapProlog:
     """The prologue of a recording of this package.
 
@@ -48,6 +53,7 @@ def describe_recording(
         source: kind and name of the source; no path.
         time: `recorded`, or `synthetic` where the source has no times.
         poses: where they come from, or `none: map, odom and base_link coincide`.
+        content: what frames hold.
     """
     metadata = {
         "version": version,
@@ -61,14 +67,25 @@ def describe_recording(
         "units": "points m, disparity px, depth image mm, time ns",
         "sigma_m": "one standard deviation (68 %) of a point along its ray, m",
         "radius_95_per_sigma": f"{RADIUS_95_PER_SIGMA}",
+        "points_per_message": _points_text(content.max_points),
     }
-    return McapProlog(metadata, {"calibration.json": calibration})
+    header = profile_of(content).header
+    return McapProlog(metadata, {"calibration.json": calibration}, header)
+
+
+def _points_text(most: int) -> str:
+    if not most:
+        return "all"
+    return (
+        f"at most {most}; of larger clouds each point stays with a chance in proportion to "
+        "range^2 and to its certainty, up to 1: the log has the counts"
+    )
 
 
 def prolog_bytes(prolog: McapProlog, builder: SummaryBuilder) -> bytes:
     """The file up to the first frame; `builder` notes where its records stand."""
     metadata = Metadata(name=LIBRARY, metadata=dict(prolog.metadata))
-    data = MAGIC + record_bytes(Header(profile="", library=LIBRARY))
+    data = MAGIC + record_bytes(Header(profile=prolog.profile, library=LIBRARY))
     record = record_bytes(metadata)
     builder.add_metadata(MetadataIndex(offset=len(data), length=len(record), name=LIBRARY))
     data += record

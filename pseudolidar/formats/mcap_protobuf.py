@@ -2,29 +2,41 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
-from pseudolidar.errors import SequenceTime
+from pseudolidar.formats.mcap_profile import Schema
+from pseudolidar.formats.mcap_records import Parts
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.structures.arrays import AnyArray
 
+PROTOBUF = "protobuf"
 # Wire type of a length-delimited field (protobuf encoding specification).
 LENGTH_DELIMITED = 2
 
-# A serialised message in pieces; their concatenation is the message.
-Parts: TypeAlias = tuple[bytes | memoryview, ...]
+
+def schema_of(message: Any) -> Schema:
+    """The schema of a class of messages, with everything that its file imports, imports first."""
+    files: dict[str, Any] = {}
+
+    def add(file: Any) -> None:
+        for imported in file.dependencies:
+            if imported.name not in files:
+                add(imported)
+        files.setdefault(file.name, file)
+
+    add(message.DESCRIPTOR.file)
+    result = FileDescriptorSet()
+    for file in files.values():
+        file.CopyToProto(result.file.add())
+    data = result.SerializeToString(deterministic=True)
+    return Schema(message.DESCRIPTOR.full_name, PROTOBUF, data)
 
 
 def set_stamp(stamp: Any, timestamp_ns: int) -> None:
-    """Fill a `google.protobuf.Timestamp`.
-
-    Raises:
-        SequenceTime: not after 1970, which viewers take for "no time".
-    """
-    if timestamp_ns <= 0:
-        raise SequenceTime(f"time stamp {timestamp_ns} ns", want="a positive number")
+    """Fill a `google.protobuf.Timestamp`."""
     stamp.seconds, stamp.nanos = divmod(timestamp_ns, NS_PER_S)
 
 

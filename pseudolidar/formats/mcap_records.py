@@ -10,7 +10,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import FileIO
-from typing import Self, TypeVar, cast
+from typing import Self, TypeAlias, TypeVar, cast
 
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import McapError
@@ -23,6 +23,8 @@ from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.mcap_compression import decompressed
 
 MAGIC = b"\x89MCAP0\r\n"
+# A serialised message in pieces; their concatenation is the message.
+Parts: TypeAlias = tuple[bytes | memoryview, ...]
 AnyRecord = TypeVar("AnyRecord", bound=McapRecord)
 
 # Every record: opcode, length of what follows.
@@ -96,6 +98,8 @@ class PackedChunk:
         except (struct.error, UnicodeDecodeError) as error:
             raise broken("a chunk without its header", record.offset) from error
         packed = memoryview(record.body)[name_end + DATA_LENGTH.size :][:packed_bytes]
+        if len(packed) < packed_bytes:
+            raise broken("a chunk that ends within its data", record.offset)
         return cls(start, end, size, crc, name, packed)
 
     def head(self) -> bytes:

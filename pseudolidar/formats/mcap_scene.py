@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 from foxglove_schemas_protobuf.SceneEntityDeletion_pb2 import SceneEntityDeletion
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
-from pseudolidar.formats.mcap_protobuf import Parts, serialised, set_stamp
+from pseudolidar.formats.mcap_items import Boxes
+from pseudolidar.formats.mcap_protobuf import serialised, set_stamp
+from pseudolidar.formats.mcap_records import Parts
 from pseudolidar.geometry.quaternion import quaternion_wxyz
-from pseudolidar.structures.box import Box3D, Label
+from pseudolidar.structures.box import Box3D
 
 # Red, green, blue, alpha, 0-1: see-through, so that the points in the box stay visible.
 BOX_COLOUR = (0.2, 0.8, 0.2, 0.3)
@@ -18,15 +19,13 @@ TEXT_COLOUR = (1.0, 1.0, 1.0, 1.0)
 TEXT_SIZE_PX = 14.0
 
 
-def labels_message(labels: Sequence[Label], timestamp_ns: int) -> Parts:
+def labels_message(boxes: Boxes, timestamp_ns: int) -> Parts:
     """The boxes of a frame, in the place of those before; regions to ignore are left out."""
     message = SceneUpdate()
     deletion = message.deletions.add(type=SceneEntityDeletion.ALL)
     set_stamp(deletion.timestamp, timestamp_ns)
-    for number, label in enumerate(labels):
-        if label.box is not None and not label.ignore:
-            identity = number if label.track_id is None else label.track_id
-            _add_box(message, label.box, label.detection.name, f"label/{identity}", timestamp_ns)
+    for identity, label, box in boxes.placed():
+        _add_box(message, box, label.detection.name, f"label/{identity}", timestamp_ns)
     return serialised(message)
 
 

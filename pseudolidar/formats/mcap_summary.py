@@ -17,8 +17,8 @@ from mcap.records import (
 )
 
 from pseudolidar.formats.checksum import crc32
-from pseudolidar.formats.mcap_channels import channel_record, schema_id, schema_record
-from pseudolidar.formats.mcap_frame import FrameChunk
+from pseudolidar.formats.mcap_frame import FramePart, IndexedChunk
+from pseudolidar.formats.mcap_profile import Profile
 from pseudolidar.formats.mcap_records import MAGIC, record_bytes
 
 # Footer: summary start, summary offset start, CRC of all before.
@@ -28,10 +28,16 @@ FOOTER_START = struct.Struct("<BQQQ")
 
 
 class SummaryBuilder:
-    """Collects what the summary needs: some 200 bytes a frame, and nothing of its messages."""
+    """Collects what the summary needs: some 200 bytes a chunk, and nothing of its messages.
 
-    def __init__(self) -> None:
+    Args:
+        profile: of the recording.
+    """
+
+    def __init__(self, profile: Profile) -> None:
+        self.profile = profile
         self._chunks = bytearray()
+        self._chunk_count = 0
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
         self._counts: Counter[int] = Counter()
@@ -56,28 +62,36 @@ class SummaryBuilder:
         """An attachment was written."""
         self._attachments.append(index)
 
-    def add_frame(self, frame: FrameChunk, offset: int) -> None:
+    def add_frame(self, frame: FramePart, offset: int) -> None:
         """A frame was written at byte `offset`."""
-        index_start = offset + frame.chunk_bytes
+        for chunk in frame.chunks:
+            self._add_chunk(chunk, offset)
+            offset += chunk.nbytes
+        self._frames += 1
+
+    def _add_chunk(self, chunk: IndexedChunk, offset: int) -> None:
+        index_start = offset + chunk.chunk_bytes
         self._chunks += record_bytes(
             ChunkIndex(
-                chunk_length=frame.chunk_bytes,
+                chunk_length=chunk.chunk_bytes,
                 chunk_start_offset=offset,
-                compression=frame.compression,
-                compressed_size=len(frame.packed),
-                message_end_time=frame.end_ns,
-                message_index_length=len(frame.index),
+                compression=chunk.compression,
+                compressed_size=len(chunk.packed),
+                message_end_time=chunk.end_ns,
+                message_index_length=len(chunk.index),
                 message_index_offsets={
-                    number: index_start + at for number, at in frame.index_offsets.items()
+                    number: index_start + at for number, at in chunk.index_offsets.items()
                 },
-                message_start_time=frame.start_ns,
-                uncompressed_size=frame.unpacked_bytes,
+                message_start_time=chunk.start_ns,
+                uncompressed_size=chunk.unpacked_bytes,
             )
         )
-        self._counts.update(frame.counts)
-        self._start_ns = min(self._start_ns, frame.start_ns) if self._frames else frame.start_ns
-        self._end_ns = max(self._end_ns, frame.end_ns)
-        self._frames += 1
+        self._counts.update(chunk.counts)
+        self._start_ns = (
+            min(self._start_ns, chunk.start_ns) if self._chunk_count else chunk.start_ns
+        )
+        self._end_ns = max(self._end_ns, chunk.end_ns)
+        self._chunk_count += 1
 
     def ending(self, offset: int, data_crc: int) -> bytes:
         """All bytes after the last frame.
@@ -98,10 +112,11 @@ class SummaryBuilder:
     def _groups(self) -> dict[int, bytes]:
         """Records of the summary by kind, in the order of the file."""
         used = sorted(self._counts)
-        schemas = sorted({schema_id(number) for number in used})
+        profile = self.profile
+        schemas = sorted({profile.schema_id(number) for number in used})
         return {
-            Opcode.SCHEMA: b"".join(map(schema_record, schemas)),
-            Opcode.CHANNEL: b"".join(map(channel_record, used)),
+            Opcode.SCHEMA: b"".join(profile.schema_records[number] for number in schemas),
+            Opcode.CHANNEL: b"".join(profile.channel_records[number] for number in used),
             Opcode.STATISTICS: record_bytes(self._statistics(len(schemas))),
             Opcode.CHUNK_INDEX: bytes(self._chunks),
             Opcode.ATTACHMENT_INDEX: b"".join(map(record_bytes, self._attachments)),
@@ -113,7 +128,7 @@ class SummaryBuilder:
             attachment_count=len(self._attachments),
             channel_count=len(self._counts),
             channel_message_counts=dict(sorted(self._counts.items())),
-            chunk_count=self._frames,
+            chunk_count=self._chunk_count,
             message_count=self._counts.total(),
             message_end_time=self._end_ns,
             message_start_time=self._start_ns,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pseudolidar.errors import StructureError
-from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.pose import Pose
 
 # Names of REP-105.
@@ -77,3 +77,33 @@ def _lidar_and_imu(rig: StereoRig, T_base_left: Pose) -> list[Pose]:
 def _exact(T_base_sensor: Pose) -> Pose:
     """The sensor that is `base_link` itself: identity, without the rounding of the chain."""
     return Pose.identity(T_base_sensor.dst, T_base_sensor.src)
+
+
+def camera_tree(camera: Camera, pose: Pose | None = None) -> tuple[Pose, ...]:
+    """All transforms between `map`, `odom`, `base_link` and the only camera.
+
+    Args:
+        camera: on the body where its x, y, z are right, down, forward of it.
+        pose: `T_map_base_link`; without it `map`, `odom` and `base_link` coincide.
+
+    Raises:
+        StructureError: the pose is between other frames.
+    """
+    pose = Pose.identity(MAP, BASE_LINK) if pose is None else pose
+    if (pose.dst, pose.src) != (MAP, BASE_LINK):
+        raise StructureError(
+            f"T_{pose.dst}_{pose.src}", want=f"T_{MAP}_{BASE_LINK}", where="camera_tree"
+        )
+    turned = Pose.from_rotation(BASE_LINK, camera.frame, R_BODY_OPTICAL, np.zeros(3))
+    return Pose.identity(MAP, ODOM), Pose(ODOM, BASE_LINK, pose.matrix), turned
+
+
+def component(tree: tuple[Pose, ...], frame: str) -> tuple[Pose, ...]:
+    """Those of the transforms that tie other frames to `frame`, directly or by way of others."""
+    names, size = {frame}, 0
+    while size < len(names):
+        size = len(names)
+        for pose in tree:
+            if pose.dst in names or pose.src in names:
+                names |= {pose.dst, pose.src}
+    return tuple(pose for pose in tree if pose.src in names)

@@ -27,7 +27,7 @@ from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import Frame
 
 if TYPE_CHECKING:
-    from pseudolidar.formats.mcap_frame import FrameChunk
+    from pseudolidar.formats.mcap_frame import FramePart
 
 # Bins of the depth histogram, m; the last one holds all beyond.
 DEPTH_BIN_M, DEPTH_BINS = 10.0, 9
@@ -94,18 +94,17 @@ def encoded(
     if sampled:
         sample = FrameSample.of(frame, converted.disparity, converted.forward_cloud)
         files.append(OutputFile.of(sample_name(frame.id), sample.encode()))
-    chunk = packed(converted, content) if outputs.recording else None
-    return Product(tuple(files), chunk, figures(converted))
+    parts = packed(converted, content) if outputs.recording else {}
+    return Product(tuple(files), parts, figures(converted))
 
 
-def packed(converted: Converted, content: McapContent) -> FrameChunk:
-    """The frame's part of the recording."""
+def packed(converted: Converted, content: McapContent) -> dict[str, FramePart]:
+    """The frame's parts of the recording, by the ending of the file's name."""
     from pseudolidar.formats.mcap_frame import pack_frame
     from pseudolidar.formats.mcap_messages import frame_messages
+    from pseudolidar.formats.mcap_split import split_messages
 
     frame = converted.frame
-    if not isinstance(frame, StereoFrame):
-        raise NoPairs("a frame without a pair", want="pairs of pictures for a recording")
     messages = frame_messages(
         frame,
         disparity=converted.disparity,
@@ -113,7 +112,10 @@ def packed(converted: Converted, content: McapContent) -> FrameChunk:
         cloud=converted.cloud,
         content=content,
     )
-    return pack_frame(messages, index=converted.frame.index, compression=content.compression)
+    return {
+        ending: pack_frame(part, index=frame.index, compression=content.compression)
+        for ending, part in split_messages(messages, content.split).items()
+    }
 
 
 def figures(converted: Converted) -> dict[str, Any]:

@@ -82,4 +82,5 @@ def prologue(job: Any, source: FrameSequence[Frame]) -> McapProlog:
         source=f"{source.summary.kind} {source_name(source)}",
         time="synthetic" if synthetic else "recorded",
         poses="of the source where it has them; else map, odom and base_link coincide",
+        content=job.mcap,
     )

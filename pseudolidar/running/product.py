@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from pseudolidar.running.record import OutputFile
 
 if TYPE_CHECKING:
-    from pseudolidar.formats.mcap_frame import FrameChunk
+    from pseudolidar.formats.mcap_frame import FramePart
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,16 +18,16 @@ class Product:
 
     Args:
         files: its files.
-        chunk: its part of the recording, where there is one.
+        parts: its parts of the recording, by the ending of the file's name; none without one.
         figures: statistics, plain JSON values.
     """
 
     files: tuple[OutputFile, ...]
-    chunk: FrameChunk | None = None
+    parts: Mapping[str, FramePart] = field(default_factory=dict)
     figures: dict[str, Any] = field(default_factory=dict)
 
     @property
     def nbytes(self) -> int:
         """Bytes on the disk."""
-        chunk_bytes = 0 if self.chunk is None else self.chunk.nbytes
-        return chunk_bytes + sum(len(file.data) for file in self.files)
+        parts_bytes = sum(part.nbytes for part in self.parts.values())
+        return parts_bytes + sum(len(file.data) for file in self.files)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -14,8 +14,11 @@ from pseudolidar.structures.recorded import Frame
 
 if TYPE_CHECKING:
     from pseudolidar.formats.mcap import McapLog
-    from pseudolidar.formats.mcap_frame import FrameChunk
+    from pseudolidar.formats.mcap_frame import FramePart
     from pseudolidar.formats.mcap_prolog import McapProlog
+
+# What makes a folder of recordings a ROS 2 bag.
+BAG_METADATA = "metadata.yaml"
 
 
 @dataclass(frozen=True)
@@ -23,29 +26,42 @@ class RecordingPlan:
     """What recording a run will make.
 
     Args:
-        name: of the file, or None for no recording.
-        prolog: what it says about itself.
+        files: names of its files by what tells them apart; none for no recording.
+        prolog: what each says about itself.
     """
 
-    name: str | None = None
+    files: Mapping[str, str] = field(default_factory=dict)
     prolog: McapProlog | None = None
 
     @classmethod
     def of(cls, job: Any, source: FrameSequence[Frame], *, wanted: bool) -> Self:
         """A recording that has the source's name, or none unless it is `wanted`."""
-        return cls(f"{source_name(source)}.mcap", prologue(job, source)) if wanted else cls()
+        if not wanted:
+            return cls()
+        from pseudolidar.formats.mcap_split import split_endings
+
+        name = source_name(source)
+        files = {
+            ending: f"{name}_{ending}.mcap" if ending else f"{name}.mcap"
+            for ending in split_endings(job.mcap.split)
+        }
+        return cls(files, prologue(job, source))
 
     @property
     def names(self) -> tuple[str, ...]:
         """Files that it can leave, finished or not."""
-        return () if self.name is None else (self.name, f"{self.name}.part")
+        if not self.files:
+            return ()
+        bag = (BAG_METADATA,) if self.prolog is not None and self.prolog.profile == "ros2" else ()
+        return (*(n for name in self.files.values() for n in (name, f"{name}.part")), *bag)
 
     @contextlib.contextmanager
     def open(self, folder: Path, frames: Sequence[str]) -> Iterator[Recording]:
         """Begin or continue the recording; complete when the block ends without an error.
 
         A recording of an earlier run keeps its whole frames as far as they are the ones that this
-        run will have, in order; everything after that is cut off.
+        run will have, in order; everything after that is cut off. One of the ROS 2 profile gets a
+        `metadata.yaml` beside it, which makes the folder a bag.
 
         Args:
             folder: output folder.
@@ -55,27 +71,41 @@ class RecordingPlan:
             OutputError: it cannot be written.
             RecordingError: it does not read back as it should.
         """
-        if self.name is None or self.prolog is None:
-            yield Recording(None, frames)
+        if self.prolog is None:
+            yield Recording({}, frames)
             return
         from pseudolidar.formats.mcap import McapLog
 
-        with McapLog(folder / self.name, self.prolog, committed=frames) as log:
-            yield Recording(log, log.held)
+        with contextlib.ExitStack() as opened:
+            logs = {
+                ending: opened.enter_context(McapLog(folder / name, self.prolog, committed=frames))
+                for ending, name in self.files.items()
+            }
+            yield Recording(logs, frames)
+        if self.prolog.profile == "ros2":
+            from pseudolidar.formats.ros2_bag import write_bag_metadata
+
+            write_bag_metadata(
+                folder / BAG_METADATA, [folder / name for name in self.files.values()]
+            )
 
 
 class Recording:
     """A recording in progress, or nothing where none is wanted.
 
     Args:
-        log: what frames are appended to.
-        held: names of frames that need not be appended.
+        logs: what frames are appended to, by what tells the files apart.
+        frames: names of all frames.
     """
 
-    def __init__(self, log: McapLog | None, held: Sequence[str]) -> None:
-        self._log, self.held = log, frozenset(held)
+    def __init__(self, logs: Mapping[str, McapLog], frames: Sequence[str]) -> None:
+        self._logs = logs
+        self._held = {ending: frozenset(log.held) for ending, log in logs.items()}
+        # Frames that need not be appended to any file.
+        self.held = frozenset(frames).intersection(*self._held.values())
 
-    def append(self, name: str, chunk: FrameChunk | None) -> None:
-        """Make a frame durable, unless the recording holds it already."""
-        if self._log is not None and chunk is not None and name not in self.held:
-            self._log.append(chunk)
+    def append(self, name: str, parts: Mapping[str, FramePart]) -> None:
+        """Make a frame durable in every file that does not hold it already."""
+        for ending, part in parts.items():
+            if name not in self._held[ending]:
+                self._logs[ending].append(part)

@@ -195,7 +195,7 @@ def test_a_schema_that_has_other_fields_than_its_name_promises(tmp_path: Path) -
     (stride,) = [field for field in files.file[-1].message_type[0].field if field.number == 4]
     stride.name = "step"
     path = written_by_hand(tmp_path / "a.mcap", files.SerializeToString())
-    with pytest.raises(RecordingError, match="not that of Foxglove"):
+    with pytest.raises(RecordingError, match="not that of its name"):
         check_mcap(path)
 
 
