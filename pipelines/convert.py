@@ -31,9 +31,12 @@ from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, nearest_depth_m
 from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.filled_map import Surfaces
+from pseudolidar.stereo.map_filter import MapFilters
 from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.stereo.sgbm import Bm, Sgbm
+from pseudolidar.stereo.smoothed_map import Fgs
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
 
@@ -57,6 +60,8 @@ class Convert:
         to: what is written of each frame, a comma list: pcd, pcd:compressed, pcd:ascii, ply,
             ply:ascii, bin, npz, disparity, depth, mcap.
         matcher: how disparities are found.
+        smooth: how disparities are smoothed before they become points.
+        fill: how holes between matched pixels are filled.
         reproject: which pixels become points, and how.
         mcap: what a recording holds.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
@@ -79,6 +84,8 @@ class Convert:
     out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out")
     to: Outputs = field(default_factory=lambda: Outputs(("pcd",)))
     matcher: Census | Sgbm | Bm = field(default_factory=Census)
+    smooth: Fgs | None = None
+    fill: Surfaces | None = None
     reproject: Reproject = field(default_factory=Reproject)
     # Unpacked: lz4 takes longer than encoding all the rest of a frame, and saves 10 % of the bytes.
     mcap: McapContent = field(default_factory=McapContent)
@@ -124,6 +131,7 @@ class ConvertFrame:
 
     Args:
         matcher: pair to disparity.
+        refine: disparity to a smoother or denser one.
         reproject: disparity to points.
         frame: coordinate frame of the clouds, None for the usual one of what a frame knows.
         outputs: what is encoded.
@@ -132,6 +140,7 @@ class ConvertFrame:
     """
 
     matcher: StereoMatcher
+    refine: MapFilters
     reproject: Reprojector
     frame: CloudFrame | None
     outputs: Outputs
@@ -149,7 +158,9 @@ class ConvertFrame:
             left_in(source.rig, job.frame or default_frame(source.rig))
         nearest_m = nearest_depth_m(job.min_depth, source)
         matcher, reproject = job.matcher.load(min_depth_m=nearest_m), job.reproject.load()
-        return cls(matcher, reproject, job.frame, job.to, job.mcap, sampled_frames(source.ids))
+        refine = MapFilters.load(job.smooth, job.fill)
+        sampled = sampled_frames(source.ids)
+        return cls(matcher, refine, reproject, job.frame, job.to, job.mcap, sampled)
 
     def __call__(self, frame: Frame) -> Product:
         """Match and reproject a pair, take a cloud as it is; encode.
@@ -169,14 +180,15 @@ class ConvertFrame:
         return encoded(converted, self.outputs, self.content, sampled=sampled)
 
     def pair(self, frame: StereoFrame) -> Converted:
-        """Match and reproject."""
+        """Match, refine, reproject."""
         check_pair(frame)
-        disparity = self.matcher(frame)
-        check_texture(frame, disparity)
+        matched = self.matcher(frame)
+        check_texture(frame, matched)
+        disparity, counts = self.refine(frame, matched)
         depth = depth_map(disparity, frame.rig)
         cloud = self.reproject(frame, disparity)
         placed = cloud.transformed(left_in(frame.rig, self.frame or default_frame(frame.rig)))
-        return Converted(frame, placed, disparity, depth)
+        return Converted(frame, placed, disparity, depth, counts)
 
 
 def opened(job: Convert) -> FrameSequence[Frame]:

@@ -26,8 +26,11 @@ from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, nearest_depth_m, pairs_of
 from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.filled_map import Surfaces
+from pseudolidar.stereo.map_filter import FilteredMatcher, MapFilters
 from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.stereo.sgbm import Bm, Sgbm
+from pseudolidar.stereo.smoothed_map import Fgs
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.samples import DisparitySamples
 
@@ -76,6 +79,8 @@ class Evaluate:
         what: what is judged.
         source: data with ground-truth disparity, or disparity maps: files or folders.
         matcher: how disparities are found.
+        smooth: how disparities are smoothed before they are judged.
+        fill: how holes between matched pixels are filled.
         reference: the truth for disparity maps, a file or a folder with the same names.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         exclude: not these.
@@ -93,6 +98,8 @@ class Evaluate:
     what: Annotated[Literal["disparity"], POSITIONAL]
     source: Annotated[Source | Maps, Recognised(recognise_judged)]
     matcher: Census | Sgbm | Bm = Census()
+    smooth: Fgs | None = None
+    fill: Surfaces | None = None
     reference: Path | None = None
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
@@ -150,7 +157,9 @@ def run(job: Evaluate) -> DisparityReport:
     if isinstance(job.source, Maps) or job.reference is not None:
         return compare_maps(job)
     source = opened(job)
-    matcher = job.matcher.load(min_depth_m=nearest_depth_m(job.min_depth, source))
+    filters = MapFilters.load(job.smooth, job.fill)
+    loaded = job.matcher.load(min_depth_m=nearest_depth_m(job.min_depth, source))
+    matcher = FilteredMatcher(loaded, filters)
     per_frame = JudgeFrame(matcher, most=max(1, MAX_SAMPLES // max(1, len(source.ids))))
     skipped: list[Skipped] = []
     judged: list[JudgedFrame] = []

@@ -76,6 +76,8 @@ def _overview(
         rows.append(("density", f"{means['density']:.1%} of the pixels, mean over frames"))
     if means:
         rows.append(("points", f"{means['points']:,.0f} a frame"))
+    counts = [name for name in means if name.startswith(("pixels_", "points_"))]
+    rows += [(name.replace("_", " "), f"{means[name]:,.0f} a frame") for name in counts]
     if "sigma_m_median" in means:
         rows.append(("sigma of a point", f"{means['sigma_m_median']:.3f} m, median"))
     return rows + list(settings.items())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -46,12 +46,14 @@ class Converted:
         cloud: points in the frame that clouds are handed over in.
         disparity: of the left image of a pair.
         depth: of the left image, or of the only one.
+        counts: what filters did, by name, for the report.
     """
 
     frame: Frame
     cloud: PointCloud
     disparity: DisparityMap | None = None
     depth: DepthMap | None = None
+    counts: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def forward_cloud(self) -> PointCloud:
@@ -124,6 +126,7 @@ def figures(converted: Converted) -> dict[str, Any]:
     found: dict[str, Any] = {
         "points": len(cloud) if cloud.shape is None else int(np.count_nonzero(cloud.valid)),
         "depth_histogram": _histogram(converted),
+        **converted.counts,
     }
     if converted.depth is not None:
         known = converted.depth.valid if converted.disparity is None else converted.disparity.valid
