@@ -58,6 +58,19 @@ def matcher() -> str:
     return "kernels compiled, known disparity found"
 
 
+def filters() -> str:
+    """Compile or load the kernels of the optional filters, and filter a wall."""
+    from pseudolidar.stereo.filled_map import Surfaces
+    from pseudolidar.stereo.map_filter import MapFilters
+    from pseudolidar.stereo.smoothed_map import Fgs
+    from pseudolidar.structures.disparity import DisparityMap
+
+    values = np.full((_HEIGHT, _WIDTH), _SHIFT_PX, np.float32)
+    wall = MapFilters.load(Fgs(), Surfaces())(trial_frame(), DisparityMap(values)).disparity
+    _check(np.allclose(wall.values, _SHIFT_PX, atol=0.01), "a flat wall")
+    return "kernels compiled, a flat wall stayed flat"
+
+
 def clouds() -> str:
     """Write and read a point cloud, compressed too."""
     from pseudolidar.formats.pcd import read_pcd, write_pcd
@@ -137,7 +150,7 @@ _SIMD_LEVELS: tuple[tuple[str, frozenset[str], str], ...] = (
 
 TRIALS: dict[str, Callable[[], str]] = {
     trial.__name__: trial
-    for trial in (images, matcher, clouds, recordings, reports, worlds, processor)
+    for trial in (images, matcher, filters, clouds, recordings, reports, worlds, processor)
 }
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pseudolidar
 
 PACKAGE = Path(pseudolidar.__file__).parent
-WARMING = ("images", "matcher", "clouds", "worlds")
+WARMING = ("images", "matcher", "filters", "clouds", "worlds")
 CHILD = """
 import sys
 from pseudolidar.running.part_trials import TRIALS
