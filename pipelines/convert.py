@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from pseudolidar.formats.mcap_content import McapContent
 from pseudolidar.formats.rig_reading import RigUnit
-from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in
+from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in, placed
 from pseudolidar.geometry.depth import depth_map
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.conversion_page import write_conversion_page
@@ -72,8 +72,9 @@ class Convert:
         scale_calibration: scale the calibration where images have another size.
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
             By default what the data set says of its scenes, else 3.
-        frame: coordinate frame of the clouds; by default velodyne where that is calibrated, else
-            camera_left. `.bin` is always x forward.
+        frame: coordinate frame of the clouds: velodyne, camera_left or base_link, by default
+            velodyne where that is calibrated, else camera_left; of recorded clouds any that the
+            source knows, by default their own. `.bin` is always x forward.
         workers: frames worked on at the same time; by default one per core.
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
         overwrite: start anew, even where OUT holds a run with other settings.
@@ -173,7 +174,7 @@ class ConvertFrame:
             case StereoFrame():
                 converted = self.pair(frame)
             case RecordedCloud():
-                converted = Converted(frame, frame.cloud)
+                converted = Converted(frame, placed(frame.cloud, frame.tree, self.frame))
             case DepthFrame():
                 raise NotImplementedError
         sampled = frame.id in self.sampled

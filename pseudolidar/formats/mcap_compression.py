@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import BinaryIO
+
 import lz4.frame  # type: ignore[import-untyped]
 import zstandard
 
 from pseudolidar.formats.mcap_content import Compression
+
+# Packed bytes that are read at once where only the start is wanted.
+START_BLOCK_BYTES = 16 * 1024
 
 
 def compressed(data: bytes, compression: Compression) -> tuple[str, bytes]:
@@ -48,3 +53,43 @@ def decompressed(data: bytes | memoryview, name: str, size: int) -> bytes | memo
     if len(result) != size:
         raise ValueError(f"{len(result)} bytes where it claims {size}")
     return result
+
+
+def decompressed_start(file: BinaryIO, name: str, packed_bytes: int, size: int) -> bytes:
+    """The first `size` bytes of packed data that begins where `file` stands, or all of it.
+
+    Args:
+        file: read no further than needed.
+        name: compression as the file names it.
+        packed_bytes: length of the packed data.
+        size: how many bytes are wanted.
+
+    Raises:
+        ValueError: damaged before that, or an unknown compression.
+    """
+    try:
+        match name:
+            case "":
+                return file.read(min(packed_bytes, size))
+            case "lz4":
+                return _lz4_start(file, packed_bytes, size)
+            case "zstd":
+                stream = zstandard.ZstdDecompressor().stream_reader(
+                    file, read_size=START_BLOCK_BYTES, closefd=False
+                )
+                return stream.read(size)
+            case _:
+                raise ValueError(f"unknown compression {name!r}")
+    except (RuntimeError, EOFError, zstandard.ZstdError) as error:
+        raise ValueError(str(error)) from error
+
+
+def _lz4_start(file: BinaryIO, packed_bytes: int, size: int) -> bytes:
+    data, stream = bytearray(), lz4.frame.LZ4FrameDecompressor()
+    while len(data) < size and packed_bytes > 0 and not stream.eof:
+        block = file.read(min(packed_bytes, START_BLOCK_BYTES))
+        packed_bytes -= len(block)
+        if not block:
+            break
+        data += stream.decompress(block, size - len(data))
+    return bytes(data)

@@ -17,6 +17,7 @@ from pseudolidar.errors import (
     LimitError,
     PointFileCorrupt,
     PointFileField,
+    PointFileMissing,
     PointFileTruncated,
     PseudolidarError,
     StructureError,
@@ -70,6 +71,26 @@ def read_npz(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:
         return decode_npz(read_point_bytes(path), limits=limits)
     except PseudolidarError as error:
         raise error.located(path) from error.__cause__
+
+
+def read_npz_time(path: Path) -> int:
+    """The time that an archive notes, without reading its points; 0 where it notes none.
+
+    Raises:
+        PointFileMissing: no such file.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            member = archive.getinfo("timestamp_ns" + _SUFFIX)
+            if member.file_size > _LONGEST_ARRAY_HEADER:
+                return 0
+            with archive.open(member) as file:
+                time_ns = np.lib.format.read_array(file, allow_pickle=False).tolist()
+    except FileNotFoundError as error:
+        raise PointFileMissing("no such file", want="a point file", path=path) from error
+    except _BROKEN:
+        return 0  # what is wrong is told when the points are read
+    return time_ns if isinstance(time_ns, int) else 0
 
 
 def encode_npz(cloud: PointCloud) -> bytes:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import re
-from typing import Literal
+from collections.abc import Iterable
+from typing import TypeAlias
 
 import numpy as np
 
-from pseudolidar.errors import CalibrationField
+from pseudolidar.errors import CalibrationField, UsageError
+from pseudolidar.geometry.frame_chain import chain
 from pseudolidar.geometry.frames import BASE_LINK, R_BODY_OPTICAL, left_in_base_link
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.pose import Pose
 
-CloudFrame = Literal["velodyne", "camera_left", "base_link"]
+# Of pairs one of `PAIR_FRAMES`; of ready-made clouds any that their source knows.
+CloudFrame: TypeAlias = str
+PAIR_FRAMES = ("velodyne", "camera_left", "base_link")
 
 # Names of frames with a camera's axes (x right, y down, z forward), by REP-103 and by habit.
 _OPTICAL = re.compile(r"camera_(left|right)|cam[0-9]|.*_optical(_frame)?")
@@ -35,8 +39,11 @@ def left_in(rig: StereoRig, frame: CloudFrame) -> Pose:
     """`T_frame_left`: maps points of the left camera to `frame`.
 
     Raises:
+        UsageError: no such frame.
         CalibrationField: the rig does not say where `frame` is.
     """
+    if frame not in PAIR_FRAMES:
+        raise UsageError(f"frame {frame!r}", want=f"one of {', '.join(PAIR_FRAMES)}")
     if frame == "camera_left":
         return Pose.identity(frame, rig.left.frame)
     if frame == "base_link":
@@ -50,6 +57,32 @@ def left_in(rig: StereoRig, frame: CloudFrame) -> Pose:
         )
     T_velodyne_left = rig.T_left_velodyne.inverse()
     return Pose(frame, rig.left.frame, T_velodyne_left.matrix)
+
+
+def placed(cloud: PointCloud, tree: Iterable[Pose], frame: CloudFrame | None) -> PointCloud:
+    """A cloud in another frame, by the transforms that its source knows; None leaves it.
+
+    Args:
+        cloud: the cloud.
+        tree: `T_parent_child` at the time of the cloud.
+        frame: where it is wanted.
+
+    Raises:
+        CalibrationField: no transforms lead there.
+    """
+    if frame is None or frame == cloud.frame:
+        return cloud
+    tree = tuple(tree)
+    T_frame_cloud = chain(tree, frame, cloud.frame)
+    if T_frame_cloud is None:
+        known = sorted({name for pose in tree for name in (pose.dst, pose.src)})
+        raise CalibrationField(
+            f"no transforms from {cloud.frame!r} to {frame!r}",
+            want=f"one of {', '.join({cloud.frame: None, **dict.fromkeys(known)})}",
+            fix="Leave out --frame to keep clouds as they are.",
+            where="tf",
+        )
+    return cloud.transformed(T_frame_cloud)
 
 
 def is_optical(frame: str) -> bool:

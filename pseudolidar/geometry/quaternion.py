@@ -6,6 +6,9 @@ import numpy as np
 
 from pseudolidar.structures.arrays import Float64
 
+# Below this arc, rad, the chord is the arc to float64's last digits.
+SMALLEST_ARC = 1e-8
+
 
 def quaternion_wxyz(R: Float64) -> Float64:
     """Unit quaternion of a rotation.
@@ -34,3 +37,30 @@ def quaternion_wxyz(R: Float64) -> Float64:
         q[1 + k] = R[k, i] + R[i, k]
     q /= np.linalg.norm(q)
     return np.asarray(-q if q[0] < 0 else q)
+
+
+def rotation_of(q_wxyz: Float64) -> Float64:
+    """(3, 3) rotation of a quaternion (4,) w, x, y, z of any length but 0."""
+    w, x, y, z = q_wxyz / np.linalg.norm(q_wxyz)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def slerp(a: Float64, b: Float64, share: float) -> Float64:
+    """Unit quaternion at `share` (0-1) of the shortest arc from `a` to `b`, each (4,) unit.
+
+    Source: Shoemake, Animating rotation with quaternion curves, 1985.
+    """
+    cosine = float(a @ b)
+    b, cosine = (-b, -cosine) if cosine < 0 else (b, cosine)
+    angle = np.arccos(min(cosine, 1.0))
+    if angle < SMALLEST_ARC:
+        mixed = a * (1 - share) + b * share
+    else:
+        mixed = (a * np.sin((1 - share) * angle) + b * np.sin(share * angle)) / np.sin(angle)
+    return np.asarray(mixed / np.linalg.norm(mixed))

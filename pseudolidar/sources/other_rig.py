@@ -16,6 +16,7 @@ from pseudolidar.formats.rig_json import rig_warnings
 from pseudolidar.formats.rig_reading import RigUnit
 from pseudolidar.geometry.frames import BASE_LINK, left_in_base_link
 from pseudolidar.sources.folder import Folders
+from pseudolidar.sources.recording import Recording
 from pseudolidar.sources.source import (
     FrameSequence,
     FrameSource,
@@ -56,6 +57,9 @@ def opened_with_rig(
         return own.open()
     if rig is None:
         return settings.open()
+    if isinstance(settings, Recording):
+        own_rig = replace(settings, rig=str(rig), scale_calibration=scale_calibration)
+        return replace(own_rig, rig_unit=unit or own_rig.rig_unit).open()
     source = pairs_of(settings.open())
     reading = read_any_rig(rig, size_px=source.rig.left.size_px, unit=unit)
     given = with_rig(source, reading.of_rectified, scale_calibration=scale_calibration)

@@ -6,21 +6,33 @@ import difflib
 from pathlib import Path
 
 from pseudolidar.errors import SourceUnknown
+from pseudolidar.sources.cloud_files import CloudFiles
 from pseudolidar.sources.folder import Folders, seen_in
 from pseudolidar.sources.kitti_object import KittiObject
 from pseudolidar.sources.kitti_odometry import KittiOdometry
 from pseudolidar.sources.kitti_raw import KittiRaw
 from pseudolidar.sources.kitti_stereo import KittiStereo
+from pseudolidar.sources.recording import Recording
 from pseudolidar.sources.synthetic import SYNTHETIC, Synthetic, world_and_frames
 
-Source = KittiRaw | KittiObject | KittiStereo | KittiOdometry | Folders | Synthetic
+Source = (
+    KittiRaw
+    | KittiObject
+    | KittiStereo
+    | KittiOdometry
+    | Folders
+    | CloudFiles
+    | Recording
+    | Synthetic
+)
 
 # The stricter layout first: KITTI's are folders of pairs, too.
-LAYOUTS = (KittiRaw, KittiObject, KittiStereo, KittiOdometry, Folders)
+LAYOUTS = (KittiRaw, KittiObject, KittiStereo, KittiOdometry, Recording, Folders, CloudFiles)
 LOOKED_FOR = (
     "KITTI raw, object, stereo or odometry data, "
     "pairs of pictures (folders left and right, names with left and right, _l and _r, "
-    "im0 and im1), or synthetic:street"
+    "im0 and im1), files of clouds (pcd, ply, bin, npz), a recording (MCAP, ROS bag), "
+    "or synthetic:street"
 )
 
 
