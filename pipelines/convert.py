@@ -34,6 +34,7 @@ from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filled_map import Surfaces
 from pseudolidar.stereo.map_filter import MapFilters
 from pseudolidar.stereo.matcher import StereoMatcher
+from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.stereo.smoothed_map import Fgs
@@ -84,7 +85,7 @@ class Convert:
     source: Annotated[Source, Recognised(recognise)]
     out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out")
     to: Outputs = field(default_factory=lambda: Outputs(("pcd",)))
-    matcher: Census | Sgbm | Bm = field(default_factory=Census)
+    matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
     smooth: Fgs | None = None
     fill: Surfaces | None = None
     reproject: Reproject = field(default_factory=Reproject)

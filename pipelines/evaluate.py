@@ -29,6 +29,7 @@ from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filled_map import Surfaces
 from pseudolidar.stereo.map_filter import FilteredMatcher, MapFilters
 from pseudolidar.stereo.matcher import StereoMatcher
+from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.stereo.smoothed_map import Fgs
 from pseudolidar.structures.frame import StereoFrame
@@ -97,7 +98,7 @@ class Evaluate:
 
     what: Annotated[Literal["disparity"], POSITIONAL]
     source: Annotated[Source | Maps, Recognised(recognise_judged)]
-    matcher: Census | Sgbm | Bm = Census()
+    matcher: Census | Sgbm | Bm | Onnx = Census()
     smooth: Fgs | None = None
     fill: Surfaces | None = None
     reference: Path | None = None

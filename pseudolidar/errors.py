@@ -135,6 +135,14 @@ class StereoConfig(PseudolidarError):
     """A matcher setting is outside its legal values."""
 
 
+class ModelError(PseudolidarError):
+    """A network file cannot be used: damaged, unsafe, or of a layout nobody could tell."""
+
+
+class ModelOutput(PseudolidarError):
+    """A network's answer for a frame means nothing: not a number, or the same everywhere."""
+
+
 class CalibrationMissing(PseudolidarError):
     """A source has no calibration."""
 

@@ -72,6 +72,7 @@ PARTS = (
             "zstandard": "zstandard",
         },
     ),
+    Part("networks", "networks as matchers", {"onnxruntime": "onnxruntime"}, core=False),
     Part("reports", "report.html", {"matplotlib": "matplotlib", "jinja2": "jinja2"}, core=False),
     Part(
         "worlds",

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pseudolidar import __version__
+from pseudolidar.formats.onnx_model import read_onnx
 from pseudolidar.running.settings_json import result_settings
 from pseudolidar.sources.source import FrameSequence
 from pseudolidar.structures.recorded import Frame
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 SYNTHETIC_TIME = "time: synthetic"
 # Settings of sources that are paths; a rig file counts by its content.
 SOURCE_PLACES = ("path", "right", "rig")
+# A matcher's file counts by its content, too.
+MATCHER_FILE = "path"
 _UNFIT_FOR_A_NAME = re.compile(r"[^\w.+-]+")
 
 
@@ -49,6 +52,10 @@ def without_places(settings: dict[str, Any]) -> dict[str, Any]:
     """Settings without what says only where things lie: a recording must not tell."""
     given = settings.get("source", {})
     source = {key: value for key, value in given.items() if key not in SOURCE_PLACES}
+    matcher = settings.get("matcher", {})
+    if MATCHER_FILE in matcher:
+        network = {MATCHER_FILE: f"sha256:{read_onnx(Path(matcher[MATCHER_FILE])).sha256()}"}
+        settings = settings | {"matcher": matcher | network}
     return {key: value for key, value in settings.items() if key != "rig"} | {"source": source}
 
 

@@ -28,6 +28,12 @@ _SHIFT_PX = 8
 _SEED = 7
 _FOCAL_PX, _BASELINE_M = 100.0, 0.5
 _VOXEL_M = 0.05
+# An ONNX graph that adds two vectors of two numbers (opset 13), as `onnx.helper` writes it.
+_SUM_GRAPH = bytes.fromhex(
+    "080812003a460a0e0a01610a016212016322034164641201675a0f0a0161120a0a08080112040a02"
+    "08025a0f0a0162120a0a08080112040a020802620f0a0163120a0a08080112040a02080242040a00"
+    "100d"
+)
 
 
 def images() -> str:
@@ -102,6 +108,19 @@ def recordings() -> str:
     return f"MCAP written and read, {count} messages"
 
 
+def networks() -> str:
+    """Run a graph of one node, and tell where networks can run."""
+    import onnxruntime
+
+    from pseudolidar.stereo.networks.session import available_providers
+
+    runs = onnxruntime.InferenceSession(_SUM_GRAPH, providers=["CPUExecutionProvider"])
+    given = {"a": np.array([1, 2], np.float32), "b": np.array([3, 4], np.float32)}
+    _check(runs.run(None, given)[0].tolist() == [4, 6], "a sum")
+    places = ", ".join(available_providers())
+    return f"a graph run; onnxruntime {onnxruntime.__version__} can use {places}"
+
+
 def reports() -> str:
     """Draw a figure and fill a template."""
     import jinja2
@@ -150,7 +169,10 @@ _SIMD_LEVELS: tuple[tuple[str, frozenset[str], str], ...] = (
 
 TRIALS: dict[str, Callable[[], str]] = {
     trial.__name__: trial
-    for trial in (images, matcher, filters, clouds, recordings, reports, worlds, processor)
+    for trial in (
+        *(images, matcher, filters, clouds, recordings),
+        *(networks, reports, worlds, processor),
+    )
 }
 
 

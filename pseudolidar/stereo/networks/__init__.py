@@ -1,0 +1,1 @@
+"""Two-image stereo networks: what a file wants and answers, found out and obeyed."""
