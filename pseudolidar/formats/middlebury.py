@@ -170,8 +170,8 @@ def _numbers(line: TextLine, start: int, count: int) -> Float64:
 
 def is_middlebury_calib(text: str) -> bool:
     """Whether a file begins as a `calib.txt` of this kind."""
-    return any(line.lstrip("\ufeff \t").startswith("cam0") and "=" in line
-               for line in text.splitlines()[:20])  # fmt: skip
+    lines = text.removeprefix("\xef\xbb\xbf").removeprefix("\ufeff").splitlines()
+    return any(line.lstrip(" \t").startswith("cam0") and "=" in line for line in lines[:20])
 
 
 def write_middlebury_calib(path: Path, rig: StereoRig, *, ndisp: int) -> None:

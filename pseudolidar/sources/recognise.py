@@ -12,6 +12,7 @@ from pseudolidar.sources.kitti_object import KittiObject
 from pseudolidar.sources.kitti_odometry import KittiOdometry
 from pseudolidar.sources.kitti_raw import KittiRaw
 from pseudolidar.sources.kitti_stereo import KittiStereo
+from pseudolidar.sources.middlebury import Middlebury
 from pseudolidar.sources.recording import Recording
 from pseudolidar.sources.synthetic import SYNTHETIC, Synthetic, world_and_frames
 
@@ -20,6 +21,7 @@ Source = (
     | KittiObject
     | KittiStereo
     | KittiOdometry
+    | Middlebury
     | Folders
     | CloudFiles
     | Recording
@@ -27,11 +29,21 @@ Source = (
 )
 
 # The stricter layout first: KITTI's are folders of pairs, too.
-LAYOUTS = (KittiRaw, KittiObject, KittiStereo, KittiOdometry, Recording, Folders, CloudFiles)
+LAYOUTS = (
+    KittiRaw,
+    KittiObject,
+    KittiStereo,
+    KittiOdometry,
+    Middlebury,
+    Recording,
+    Folders,
+    CloudFiles,
+)
 LOOKED_FOR = (
-    "KITTI raw, object, stereo or odometry data, "
+    "KITTI raw, object, stereo or odometry data, Middlebury or ETH3D scenes, "
     "pairs of pictures (folders left and right, names with left and right, _l and _r, "
-    "im0 and im1), files of clouds (pcd, ply, bin, npz), a recording (MCAP, ROS bag), "
+    "im0 and im1), "
+    "files of clouds (pcd, ply, bin, npz), a recording (MCAP, ROS bag), "
     "or synthetic:street"
 )
 
