@@ -11,6 +11,7 @@ from pseudolidar.formats.mcap_content import McapContent
 from pseudolidar.formats.rig_reading import RigUnit
 from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in, placed
 from pseudolidar.geometry.depth import depth_map
+from pseudolidar.geometry.frames import camera_tree
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.conversion_page import write_conversion_page
 from pseudolidar.running.encoders import Converted, encoded
@@ -165,10 +166,10 @@ class ConvertFrame:
         return cls(matcher, refine, reproject, job.frame, job.to, job.mcap, sampled)
 
     def __call__(self, frame: Frame) -> Product:
-        """Match and reproject a pair, take a cloud as it is; encode.
+        """Match and reproject a pair, reproject depth, take a cloud as it is; encode.
 
         Raises:
-            PairIdentical, LowTexture: there is nothing to be seen.
+            PairIdentical, LowTexture, MapEmpty: there is nothing to be seen.
             StereoConfig: the image is too narrow for the disparities searched.
         """
         match frame:
@@ -177,7 +178,9 @@ class ConvertFrame:
             case RecordedCloud():
                 converted = Converted(frame, placed(frame.cloud, frame.tree, self.frame))
             case DepthFrame():
-                raise NotImplementedError
+                cloud = self.reproject.of_depth(frame)
+                cloud = placed(cloud, camera_tree(frame.camera), self.frame)
+                converted = Converted(frame, cloud, depth=frame.depth)
         sampled = frame.id in self.sampled
         return encoded(converted, self.outputs, self.content, sampled=sampled)
 

@@ -131,6 +131,14 @@ class LowTexture(PseudolidarError):
     """Almost no pixel of the pair can be matched."""
 
 
+class MapEmpty(PseudolidarError):
+    """A depth or disparity map holds no value."""
+
+
+class MapScale(PseudolidarError):
+    """A map that somebody else made is in another unit than it is read in."""
+
+
 class StereoConfig(PseudolidarError):
     """A matcher setting is outside its legal values."""
 

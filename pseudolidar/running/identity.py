@@ -60,11 +60,14 @@ def without_places(settings: dict[str, Any]) -> dict[str, Any]:
 
 
 def calibration_text(source: FrameSequence[Frame]) -> str:
-    """The rig as JSON, without the words about its origin, which may name files; "" without one."""
+    """The rig as JSON, without the words about its origin, which may name files.
+
+    Without one what the source says of its camera, or "".
+    """
     from pseudolidar.formats.rig_json import rig_text
 
     if source.rig is None:
-        return ""
+        return source.summary.camera
     return rig_text(replace(source.rig, origin=""))
 
 

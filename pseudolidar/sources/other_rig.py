@@ -24,6 +24,7 @@ from pseudolidar.sources.source import (
     SourceSummary,
     pairs_of,
 )
+from pseudolidar.sources.tum_depth import TumDepth
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.pose import Pose
@@ -60,6 +61,8 @@ def opened_with_rig(
     if isinstance(settings, Recording):
         own_rig = replace(settings, rig=str(rig), scale_calibration=scale_calibration)
         return replace(own_rig, rig_unit=unit or own_rig.rig_unit).open()
+    if isinstance(settings, TumDepth):
+        return replace(settings, rig=str(rig)).open()
     source = pairs_of(settings.open())
     reading = read_any_rig(rig, size_px=source.rig.left.size_px, unit=unit)
     given = with_rig(source, reading.of_rectified, scale_calibration=scale_calibration)

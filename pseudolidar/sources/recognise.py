@@ -15,6 +15,7 @@ from pseudolidar.sources.kitti_stereo import KittiStereo
 from pseudolidar.sources.middlebury import Middlebury
 from pseudolidar.sources.recording import Recording
 from pseudolidar.sources.synthetic import SYNTHETIC, Synthetic, world_and_frames
+from pseudolidar.sources.tum_depth import TumDepth
 
 Source = (
     KittiRaw
@@ -23,6 +24,7 @@ Source = (
     | KittiOdometry
     | Middlebury
     | Folders
+    | TumDepth
     | CloudFiles
     | Recording
     | Synthetic
@@ -37,12 +39,13 @@ LAYOUTS = (
     Middlebury,
     Recording,
     Folders,
+    TumDepth,
     CloudFiles,
 )
 LOOKED_FOR = (
     "KITTI raw, object, stereo or odometry data, Middlebury or ETH3D scenes, "
     "pairs of pictures (folders left and right, names with left and right, _l and _r, "
-    "im0 and im1), "
+    "im0 and im1), pictures with depth (folders rgb and depth), "
     "files of clouds (pcd, ply, bin, npz), a recording (MCAP, ROS bag), "
     "or synthetic:street"
 )

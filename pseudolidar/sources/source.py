@@ -32,6 +32,7 @@ class SourceSummary:
         line: what it was recognised as, one line.
         absent: what this layout can have and the source has not ("labels", "velodyne of 10 of 11").
         notes: what was assumed ("time: synthetic", the pairing rule).
+        camera: calibration in words where there is no rig; the same words, the same results.
         nearest_m: depth Z of the nearest thing that the data set says it holds, where it does.
     """
 
@@ -40,6 +41,7 @@ class SourceSummary:
     line: str
     absent: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    camera: str = ""
     nearest_m: float | None = None
 
 

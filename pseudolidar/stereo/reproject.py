@@ -16,6 +16,7 @@ from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.recorded import DepthFrame
 
 # Range up to which stereo of a car's size is of use, m; at 80 m a KITTI rig has 5 px of disparity.
 MAX_RANGE_M = 80.0
@@ -38,6 +39,8 @@ class Reproject:
         max_sigma_m: drop points with a larger error along the ray (68 %).
         max_sigma_rel: drop points with a larger error along the ray, relative to their range.
         voxel_m: keep one point, the surest, of each cube with this edge.
+        depth_sigma_rel: error (68 %) of depths that come ready-made without one, as a share of
+            the depth; without it their sigma is unknown.
     """
 
     via: Literal["q", "p"] = "q"
@@ -49,6 +52,7 @@ class Reproject:
     max_sigma_m: float | None = None
     max_sigma_rel: float | None = None
     voxel_m: float | None = None
+    depth_sigma_rel: float | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.min_range_m < self.max_range_m:
@@ -56,7 +60,7 @@ class Reproject:
                 f"ranges {self.min_range_m:g} to {self.max_range_m:g} m",
                 want="0 <= min_range_m < max_range_m",
             )
-        for name in ("voxel_m", "max_sigma_m", "max_sigma_rel"):
+        for name in ("voxel_m", "max_sigma_m", "max_sigma_rel", "depth_sigma_rel"):
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise StereoConfig(f"{name} = {value:g}", want="a positive number")
@@ -132,6 +136,12 @@ class Reprojector:
             )
         cloud = _cloud(frame, disparity, self.settings)
         return cloud if self.settings.voxel_m is None else _thinned(cloud, self.settings.voxel_m)
+
+    def of_depth(self, frame: DepthFrame) -> PointCloud:
+        """Points of ready-made depth, in the frame of its camera; as `points_of_depth`."""
+        from pseudolidar.stereo.depth_points import points_of_depth
+
+        return points_of_depth(frame, self.settings)
 
 
 def _cloud(frame: StereoFrame, disparity: DisparityMap, settings: Reproject) -> PointCloud:
