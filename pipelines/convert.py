@@ -14,6 +14,7 @@ from pseudolidar.geometry.depth import depth_map
 from pseudolidar.geometry.frames import camera_tree
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.conversion_page import write_conversion_page
+from pseudolidar.running.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.encoders import Converted, encoded
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
@@ -21,7 +22,7 @@ from pseudolidar.running.frame_checks import check_pair, check_texture
 from pseudolidar.running.outputs import Outputs, folder_of
 from pseudolidar.running.product import Product
 from pseudolidar.running.recording import RecordingPlan
-from pseudolidar.running.rehearsal import Rehearsal, rehearse
+from pseudolidar.running.rehearsal import Rehearsal, fitting, rehearse
 from pseudolidar.running.results import RunResult
 from pseudolidar.running.run import Run
 from pseudolidar.running.samples import sampled_frames
@@ -78,6 +79,10 @@ class Convert:
             velodyne where that is calibrated, else camera_left; of recorded clouds any that the
             source knows, by default their own. `.bin` is always x forward.
         workers: frames worked on at the same time; by default one per core.
+        timeout: a frame that takes longer is skipped, s.
+        isolate: do frames in processes of their own: a file that crashes or hangs a library, or
+            fills the memory, then costs its frame and not the run.
+        memory_limit: what such a process may hold, MB; by default no limit.
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
         overwrite: start anew, even where OUT holds a run with other settings.
         dry_run: tell frames, bytes, time and free disk, and write nothing.
@@ -100,9 +105,17 @@ class Convert:
     min_depth: float | None = None
     frame: CloudFrame | None = None
     workers: Annotated[int | None, RUN_ONLY] = None
+    timeout: Annotated[float, RUN_ONLY] = FRAME_TIMEOUT_S
+    isolate: Annotated[bool, RUN_ONLY] = False
+    memory_limit: Annotated[float | None, RUN_ONLY] = None
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
     overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
     dry_run: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+
+    @property
+    def crew(self) -> CrewPlan:
+        """How the frames are done."""
+        return CrewPlan(self.workers, self.timeout, self.isolate, self.memory_limit)
 
 
 def run(job: Convert) -> ConvertReport | Rehearsal:
@@ -111,15 +124,16 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
     check_usable(job.out)
     per_frame = ConvertFrame.of(job, source)
     if job.dry_run:
-        return rehearse(source, per_frame, folder=job.out, workers=job.workers).checked()
+        return rehearse(source, per_frame, folder=job.out, crew=job.crew).checked()
     recording = RecordingPlan.of(job, source, wanted=job.to.recording)
     with (
         Run.open(job.out, job, source, products=recording.names) as run,
-        recording.open(job.out, run.expected(per_frame)) as log,
+        recording.open(job.out, run.expected(per_frame, crew=job.crew)) as log,
     ):
         settled = run.settled(log.held)
-        rehearse(source, per_frame, folder=job.out, skip=settled, wanted=1).checked()
-        for frame in run.good(stream(source, per_frame, workers=job.workers, skip=settled)):
+        outcomes = stream(source, per_frame, crew=job.crew, skip=settled, in_flight=run.in_flight)
+        left = len(source.ids) - len(settled)
+        for frame in run.good(fitting(outcomes, frames=left, folder=job.out)):
             log.append(frame.id, frame.value.parts)
             run.commit(frame)
     result = run.result()

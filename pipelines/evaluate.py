@@ -16,11 +16,13 @@ from pseudolidar.evaluation.disparity_report import DisparityReport
 from pseudolidar.evaluation.halves import FrameSamples, judge_halves, residuals
 from pseudolidar.evaluation.map_files import is_maps, paired_maps, read_map
 from pseudolidar.formats.rig_reading import RigUnit
+from pseudolidar.running.attempt import Skipped
 from pseudolidar.running.bad_frames import OnError, good_frames
+from pseudolidar.running.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, Recognised
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.settings_schema import described
-from pseudolidar.running.stream import Skipped, stream
+from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select
@@ -165,7 +167,7 @@ def run(job: Evaluate) -> DisparityReport:
     skipped: list[Skipped] = []
     judged: list[JudgedFrame] = []
     without_truth = 0
-    outcomes = stream(source, per_frame, workers=job.workers)
+    outcomes = stream(source, per_frame, crew=CrewPlan(job.workers))
     with FrameProgress(len(source.ids)) as progress:
         for frame in good_frames(
             outcomes, frames=len(source.ids), on_error=job.on_error, skipped=skipped.append

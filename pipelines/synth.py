@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from pseudolidar.running.bad_frames import OnError
+from pseudolidar.running.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME
 from pseudolidar.running.kitti_layouts import Drive, EncodeFrame, KittiLayout, write_shared
 from pseudolidar.running.results import RunResult
@@ -73,7 +74,7 @@ def run(job: Synth) -> SynthReport:
     with Run.open(job.out, job, source) as run:
         write_shared(job.layout, job.out, drive)
         settled = run.settled(source.ids)
-        for frame in run.good(stream(source, encode, workers=job.workers, skip=settled)):
+        for frame in run.good(stream(source, encode, crew=CrewPlan(job.workers), skip=settled)):
             run.commit(frame)
     return SynthReport(run.result(), job.out, job.layout)
 

@@ -235,6 +235,18 @@ class FrameError(PseudolidarError):
     """Wrapper: an unexpected failure while one frame was processed."""
 
 
+class FrameTimeout(PseudolidarError):
+    """A frame did not end in time."""
+
+
+class MemoryLimit(PseudolidarError):
+    """A frame needs more memory than there is, or than its worker may have."""
+
+
+class NativeCrash(PseudolidarError):
+    """A library crashed on a frame, and took the frame's process with it."""
+
+
 class StructureError(PseudolidarError):
     """An array or value handed to a noun has the wrong shape, dtype or meaning."""
 
@@ -258,6 +270,15 @@ class OutputLocked(EnvironmentFault):
 
 class MissingDependency(EnvironmentFault):
     """A library or system component is absent or does not load."""
+
+
+# --- workers (6) -----------------------------------------------------------------------------
+
+
+class WorkerFault(PseudolidarError):
+    """Workers cannot do anything; the run can be resumed once they can."""
+
+    exit_code = 6
 
 
 # --- interrupted (130) ---------------------------------------------------------------------

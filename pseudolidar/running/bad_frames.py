@@ -5,8 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import Literal, TypeVar
 
-from pseudolidar.errors import EnvironmentFault, StereoConfig, TooManyBadFrames, UsageError
-from pseudolidar.running.stream import Done, Skipped
+from pseudolidar.errors import (
+    EnvironmentFault,
+    StereoConfig,
+    TooManyBadFrames,
+    UsageError,
+    WorkerFault,
+)
+from pseudolidar.running.attempt import Done, Skipped
 
 OnError = Literal["skip", "stop"]
 
@@ -17,7 +23,7 @@ MIN_BAD_FRAMES = 5
 # ... or when as many failed one after the other: then something has happened to the source.
 MAX_BAD_IN_A_ROW = 20
 # These are nobody's frame's fault: every further frame would fail in the same way.
-NOT_THE_FRAME = (EnvironmentFault, UsageError, StereoConfig)
+NOT_THE_FRAME = (EnvironmentFault, WorkerFault, UsageError, StereoConfig)
 
 Result = TypeVar("Result")
 

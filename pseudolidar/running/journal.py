@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any, BinaryIO, Self
 
 from pseudolidar.formats.atomic import fsync_folder, output_error, write_group
+from pseudolidar.running.crew_plan import default_workers
 from pseudolidar.running.folder import inside
 from pseudolidar.running.journal_file import JOURNAL_NAME, first_line, forget, read_journal
 from pseudolidar.running.record import FrameRecord, OutputFile
-from pseudolidar.running.stream import default_workers
 
 
 class Journal:

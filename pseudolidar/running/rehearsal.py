@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
 from pseudolidar.errors import OutputError
 from pseudolidar.formats.atomic import free_bytes
+from pseudolidar.running.attempt import AnyFrame, Done, Skipped
+from pseudolidar.running.crew_plan import CrewPlan
 from pseudolidar.running.product import Product
-from pseudolidar.running.stream import AnyFrame, Done, attempt, default_workers
+from pseudolidar.running.stream import stream
 from pseudolidar.sources.source import FrameSequence
 
 # Frames tried, from the first to the last, until enough have passed. The first one also warms the
@@ -72,9 +73,7 @@ def rehearse(
     per_frame: Callable[[AnyFrame], Product],
     *,
     folder: Path,
-    workers: int | None = None,
-    skip: Collection[str] = (),
-    wanted: int = WANTED,
+    crew: CrewPlan,
 ) -> Rehearsal:
     """Do a frame or two of `source` without writing, and scale up; bad frames tell nothing.
 
@@ -82,22 +81,37 @@ def rehearse(
         source: what the run will read.
         per_frame: what it will do.
         folder: where it will write.
-        workers: threads it will use; None for one per core.
-        skip: ids that are done already.
-        wanted: frames to judge by; one is enough for the size.
+        crew: what it will do that with.
     """
-    todo = [index for index, name in enumerate(source.ids) if name not in skip]
+    frames = len(source.ids)
+    tried = frozenset(source.ids[:: max(1, frames // TRIES)])
+    others = frozenset(source.ids) - tried
     sizes: list[int] = []
     seconds = 0.0
-    for index in todo[:: max(1, len(todo) // TRIES)]:
-        begin_s = time.monotonic()
-        outcome = attempt(source, per_frame, index)
-        seconds = time.monotonic() - begin_s
+    alone = replace(crew, workers=1)
+    for outcome in stream(source, per_frame, crew=alone, skip=others):
         if isinstance(outcome, Done):
             sizes.append(outcome.value.nbytes)
-        if len(sizes) == min(wanted, len(todo)):
+            seconds = outcome.cpu_s
+        if len(sizes) == WANTED:
             break
     mean = sum(sizes) / len(sizes) if sizes else 0.0
-    free = free_bytes(folder)
-    time_s = len(todo) * seconds / (workers or default_workers())
-    return Rehearsal(len(todo), round(len(todo) * mean), time_s, free, folder)
+    time_s = frames * seconds / crew.count
+    return Rehearsal(frames, round(frames * mean), time_s, free_bytes(folder), folder)
+
+
+def fitting(
+    outcomes: Iterable[Done[Product] | Skipped], *, frames: int, folder: Path
+) -> Iterator[Done[Product] | Skipped]:
+    """Pass the outcomes on, if so many frames of the size of the first will fit on the disk.
+
+    Raises:
+        OutputError: they will not; before a frame is passed on, and so before it is written.
+    """
+    checked = False
+    for outcome in outcomes:
+        if isinstance(outcome, Done) and not checked:
+            size = frames * outcome.value.nbytes
+            Rehearsal(frames, size, 0.0, free_bytes(folder), folder).checked()
+            checked = True
+        yield outcome

@@ -8,16 +8,19 @@ from pathlib import Path
 from typing import Any, Protocol, Self, TypeVar
 
 from pseudolidar.errors import OutputError, PseudolidarError
+from pseudolidar.running.attempt import Done, Skipped
 from pseudolidar.running.bad_frames import OnError, good_frames
+from pseudolidar.running.crew_plan import CrewPlan
 from pseudolidar.running.folder import own_folder
 from pseudolidar.running.identity import identity
+from pseudolidar.running.in_flight import InFlight, noting
 from pseudolidar.running.journal import Journal
 from pseudolidar.running.product import Product
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.record import FileRecord, FrameRecord
 from pseudolidar.running.results import RunResult, Stopwatch, write_results
 from pseudolidar.running.signals import Stopped, StopSignals
-from pseudolidar.running.stream import Done, Skipped, stream
+from pseudolidar.running.stream import stream
 from pseudolidar.sources.source import FrameSequence
 from pseudolidar.structures.recorded import Frame
 
@@ -43,6 +46,7 @@ class Run:
         folder: output folder, owned by this run.
         journal: its journal.
         source: where the frames come from.
+        in_flight: where frames are noted while they are done.
         on_error: what a bad frame does.
         signals: caught while the run lasts.
     """
@@ -52,11 +56,12 @@ class Run:
         folder: Path,
         journal: Journal,
         source: FrameSequence[Frame],
+        in_flight: InFlight,
         *,
         on_error: OnError,
         signals: StopSignals,
     ) -> None:
-        self.folder, self.source = folder, source
+        self.folder, self.source, self.in_flight = folder, source, in_flight
         self._journal, self._on_error, self._signals = journal, on_error, signals
         self._watch = Stopwatch()
         self._ended_by = 0
@@ -93,9 +98,10 @@ class Run:
             Journal.open(
                 folder, identity(job, source), products=products, overwrite=job.overwrite
             ) as journal,
+            noting(folder) as in_flight,
             StopSignals() as signals,
         ):
-            run = cls(folder, journal, source, on_error=job.on_error, signals=signals)
+            run = cls(folder, journal, source, in_flight, on_error=job.on_error, signals=signals)
             try:
                 yield run
             except Stopped as stopped:
@@ -108,7 +114,7 @@ class Run:
             write_results(folder, run.result(), job)
 
     def expected(
-        self, per_frame: Callable[[Frame], Any], *, workers: int | None = None
+        self, per_frame: Callable[[Frame], Any], *, crew: CrewPlan | None = None
     ) -> tuple[str, ...]:
         """Ids of the frames that the results will hold: all but those that failed and fail again.
 
@@ -117,7 +123,7 @@ class Run:
         """
         failed = {record.id for record in self._journal.records() if record.skipped is not None}
         others = frozenset(self.source.ids) - failed
-        outcomes = stream(self.source, per_frame, workers=workers, skip=others) if failed else ()
+        outcomes = stream(self.source, per_frame, crew=crew, skip=others) if failed else ()
         self._hopeless = frozenset(o.id for o in outcomes if isinstance(o, Skipped))
         return tuple(name for name in self.source.ids if name not in self._hopeless)
 

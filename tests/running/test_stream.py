@@ -4,7 +4,9 @@ import cv2
 import pytest
 
 from pseudolidar.errors import FrameError, ImageMissing, PairMismatch, UsageError
-from pseudolidar.running.stream import IN_FLIGHT_PER_WORKER, Done, Skipped, stream
+from pseudolidar.running.attempt import Done, Skipped
+from pseudolidar.running.crew_plan import CrewPlan
+from pseudolidar.running.stream import IN_FLIGHT_PER_WORKER, stream
 
 
 def pixel_sum(frame):
@@ -14,7 +16,7 @@ def pixel_sum(frame):
 @pytest.mark.parametrize("workers", [1, 2, 5])
 def test_results_come_in_order_and_do_not_depend_on_workers(texture_source, workers):
     source = texture_source(23)
-    done = list(stream(source, pixel_sum, workers=workers))
+    done = list(stream(source, pixel_sum, crew=CrewPlan(workers)))
     assert [frame.id for frame in done] == list(source.ids)
     assert [frame.value for frame in done] == [pixel_sum(source.load(i)) for i in range(23)]
 
@@ -22,7 +24,7 @@ def test_results_come_in_order_and_do_not_depend_on_workers(texture_source, work
 @pytest.mark.parametrize("workers", [0, -1])
 def test_no_workers_is_refused(texture_source, workers):
     with pytest.raises(UsageError, match="--workers"):
-        list(stream(texture_source(2), pixel_sum, workers=workers))
+        list(stream(texture_source(2), pixel_sum, crew=CrewPlan(workers)))
 
 
 def test_order_holds_when_early_frames_are_slow(texture_source):
@@ -35,7 +37,7 @@ def test_order_holds_when_early_frames_are_slow(texture_source):
             assert release.wait(10)
         return frame.index
 
-    done = stream(texture_source(6), first_waits_for_the_third, workers=2)
+    done = stream(texture_source(6), first_waits_for_the_third, crew=CrewPlan(2))
     assert [frame.value for frame in done] == list(range(6))
 
 
@@ -46,7 +48,7 @@ def test_frames_run_at_the_same_time(texture_source):
         both.wait(10)
         return threading.get_ident()
 
-    assert len({frame.value for frame in stream(texture_source(2), meet, workers=2)}) == 2
+    assert len({frame.value for frame in stream(texture_source(2), meet, crew=CrewPlan(2))}) == 2
 
 
 def test_frames_in_flight_are_bounded(texture_source):
@@ -55,7 +57,7 @@ def test_frames_in_flight_are_bounded(texture_source):
     def note(frame):
         started.append(frame.index)
 
-    for _ in stream(texture_source(60), note, workers=3):
+    for _ in stream(texture_source(60), note, crew=CrewPlan(3)):
         consumed += 1
         ahead = max(ahead, len(started) - consumed)
     assert consumed == 60
@@ -64,7 +66,7 @@ def test_frames_in_flight_are_bounded(texture_source):
 
 def test_skipped_ids_are_not_loaded(texture_source):
     source = texture_source(4, bad={1: AssertionError("loaded")})
-    done = list(stream(source, pixel_sum, workers=2, skip={"000001"}))
+    done = list(stream(source, pixel_sum, crew=CrewPlan(2), skip={"000001"}))
     assert [frame.id for frame in done] == ["000000", "000002", "000003"]
     assert all(isinstance(frame, Done) for frame in done)
 
@@ -72,7 +74,7 @@ def test_skipped_ids_are_not_loaded(texture_source):
 def test_a_bad_frame_is_a_value(texture_source):
     missing = ImageMissing("no file", path="left.png")
     source = texture_source(3, bad={1: missing}, refused=(("x", PairMismatch("one eye")),))
-    refused, first, bad, last = stream(source, pixel_sum, workers=2)
+    refused, first, bad, last = stream(source, pixel_sum, crew=CrewPlan(2))
     assert (refused.id, refused.index, refused.error.code) == ("x", None, "PairMismatch")
     assert isinstance(first, Done)
     assert isinstance(last, Done)
@@ -84,7 +86,7 @@ def test_an_unexpected_failure_is_wrapped_with_its_traceback(texture_source):
     def broken(frame):
         raise ZeroDivisionError("by accident")
 
-    (bad,) = stream(texture_source(1), broken, workers=1)
+    (bad,) = stream(texture_source(1), broken, crew=CrewPlan(1))
     assert isinstance(bad, Skipped)
     assert isinstance(bad.error, FrameError)
     assert "ZeroDivisionError: by accident" in str(bad.error)
@@ -93,7 +95,7 @@ def test_an_unexpected_failure_is_wrapped_with_its_traceback(texture_source):
 
 def test_opencv_uses_one_thread_meanwhile(texture_source):
     before = cv2.getNumThreads()
-    (frame,) = stream(texture_source(1), lambda frame: cv2.getNumThreads(), workers=1)
+    (frame,) = stream(texture_source(1), lambda frame: cv2.getNumThreads(), crew=CrewPlan(1))
     assert frame.value == 1
     assert cv2.getNumThreads() == before
 
@@ -107,7 +109,7 @@ def test_leaving_early_finishes_what_has_begun_and_starts_nothing_more(texture_s
             second.set()
             assert release.wait(10)
 
-    frames = stream(texture_source(50), second_waits, workers=1)
+    frames = stream(texture_source(50), second_waits, crew=CrewPlan(1))
     next(frames)
     assert second.wait(10)
     threading.Timer(0.1, release.set).start()
@@ -130,6 +132,6 @@ def test_results_are_let_go(texture_source):
             with lock:
                 alive[0] -= 1
 
-    for _ in stream(texture_source(40), lambda frame: Held(), workers=2):
+    for _ in stream(texture_source(40), lambda frame: Held(), crew=CrewPlan(2)):
         pass
     assert most[0] <= 2 * IN_FLIGHT_PER_WORKER + 3
