@@ -99,16 +99,17 @@ def endless(own_drive):
     return path, data
 
 
-@pytest.mark.parametrize("isolate", [(), ("--isolate",)])
-def test_a_picture_that_never_comes_costs_its_frame(endless, own_drive, tmp_path, isolate, capsys):
+@pytest.mark.parametrize("options", [("--timeout", "2"), ("--timeout", "8", "--isolate")])
+def test_a_picture_that_never_comes_costs_its_frame(endless, own_drive, tmp_path, options, capsys):
+    """The first frame of a process loads the kernels, within its time."""
     out = tmp_path / "out"
     begin_s = time.monotonic()
-    code = main(["convert", str(own_drive), str(out), "--timeout", "2", *isolate, "--json"])
+    code = main(["convert", str(own_drive), str(out), *options, "--json"])
     report = json.loads(capsys.readouterr().out)
     assert (code, report["committed"], report["skipped"]) == (4, 5, 1)
     (skip,) = json.loads((out / "report.json").read_text())["skipped"]
     assert (skip["id"], skip["code"]) == ("000002", "FrameTimeout")
-    assert time.monotonic() - begin_s < 30
+    assert time.monotonic() - begin_s < 40
 
 
 def test_a_run_that_died_is_told_of_with_its_frames(endless, own_drive, tmp_path, capfd):
