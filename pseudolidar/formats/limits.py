@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+# A chunk this small may unpack to more than `Limits.chunk_expansion` times its size.
+ALWAYS_UNPACKED_BYTES = 2**20
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -16,6 +19,7 @@ class Limits:
         record_bytes: one record of a recording.
         chunk_bytes: one unpacked chunk of a recording.
         chunk_expansion: how many times larger than packed it may be.
+        chunk_records: records of one unpacked chunk.
     """
 
     pixels: int = 100_000_000
@@ -24,6 +28,12 @@ class Limits:
     record_bytes: int = 256 * 2**20
     chunk_bytes: int = 2**30
     chunk_expansion: int = 1000
+    chunk_records: int = 4_000_000
+
+    def allowed_unpacked(self, packed_bytes: int) -> int:
+        """Bytes that a chunk of so many may unpack to."""
+        allowed = max(ALWAYS_UNPACKED_BYTES, packed_bytes * self.chunk_expansion)
+        return min(self.chunk_bytes, allowed)
 
 
 DEFAULT_LIMITS = Limits()

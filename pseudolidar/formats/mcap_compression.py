@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import BinaryIO
 
 import lz4.frame  # type: ignore[import-untyped]
@@ -11,6 +12,9 @@ from pseudolidar.formats.mcap_content import Compression
 
 # Packed bytes that are read at once where only the start is wanted.
 START_BLOCK_BYTES = 16 * 1024
+# Packed bytes that are unpacked at once of data that may be damaged. Four bytes of zstd can make
+# 128 KiB, so no more than 8 MiB beyond what is wanted.
+PIECE_BYTES = 256
 
 
 def compressed(data: bytes, compression: Compression) -> tuple[str, bytes]:
@@ -93,3 +97,31 @@ def _lz4_start(file: BinaryIO, packed_bytes: int, size: int) -> bytes:
             break
         data += stream.decompress(block, size - len(data))
     return bytes(data)
+
+
+def leading_bytes(data: bytes | memoryview, name: str, most: int) -> bytes:
+    """What can be unpacked of data that is cut or damaged, from its beginning.
+
+    Args:
+        data: packed, as far as it goes.
+        name: compression as the file names it.
+        most: bytes that are made at most.
+    """
+    match name:
+        case "lz4":
+            unpack: Callable[[bytes | memoryview], bytes] = (
+                lz4.frame.LZ4FrameDecompressor().decompress
+            )
+        case "zstd":
+            unpack = zstandard.ZstdDecompressor().decompressobj().decompress
+        case _:
+            return bytes(data[:most])
+    result = bytearray()
+    for start in range(0, len(data), PIECE_BYTES):
+        try:
+            result += unpack(data[start : start + PIECE_BYTES])
+        except (RuntimeError, EOFError, zstandard.ZstdError):
+            break
+        if len(result) >= most:
+            break
+    return bytes(result[:most])

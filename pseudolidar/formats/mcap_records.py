@@ -35,8 +35,6 @@ MESSAGE_HEADER = struct.Struct("<HIQQ")
 # length of the data and the data.
 CHUNK_START = struct.Struct("<QQQII")
 DATA_LENGTH = struct.Struct("<Q")
-# A chunk this small may unpack to more than `Limits.chunk_expansion` times its size.
-ALWAYS_UNPACKED_BYTES = 2**20
 
 
 @dataclass(frozen=True)
@@ -196,7 +194,7 @@ def unpacked(
         RecordingError: damaged, or larger than the caps.
     """
     size, packed = chunk.unpacked_bytes, len(chunk.packed)
-    allowed = min(limits.chunk_bytes, max(ALWAYS_UNPACKED_BYTES, packed * limits.chunk_expansion))
+    allowed = limits.allowed_unpacked(packed)
     if size > allowed:
         raise RecordingError(
             f"a chunk of {packed} bytes that claims to unpack to {size}",
@@ -213,18 +211,28 @@ def unpacked(
     return data
 
 
-def inner_records(data: bytes | memoryview, offset: int) -> Iterator[RawRecord]:
+def inner_records(
+    data: bytes | memoryview, offset: int, limits: Limits = DEFAULT_LIMITS
+) -> Iterator[RawRecord]:
     """The records within an unpacked chunk that begins at byte `offset` of the file.
 
     Raises:
-        RecordingError: they do not fill it exactly.
+        RecordingError: they do not fill it exactly, or are more than the cap.
     """
-    at, view = 0, memoryview(data)
+    at, view, left = 0, memoryview(data), limits.chunk_records
     while at < len(data):
         body = at + RECORD_HEADER.size
         length = RECORD_HEADER.unpack_from(data, at)[1] if body <= len(data) else 0
         if body + length > len(data):
             raise broken("a chunk that ends within a record", offset)
+        if not left:
+            raise RecordingError(
+                f"a chunk of more than {limits.chunk_records} records",
+                want="fewer",
+                fix="If there really are so many, raise the cap (Limits.chunk_records).",
+                where=f"byte {offset}",
+            )
+        left -= 1
         yield RawRecord(data[at], at, view[body : body + length])
         at = body + length
 

@@ -1,0 +1,323 @@
+"""A complete recording of what can be saved of a damaged one."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from io import FileIO
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
+
+from pseudolidar.errors import RecordingError
+from pseudolidar.formats.atomic import atomic_file
+from pseudolidar.formats.checksum import crc32
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.mcap_frame import CHUNK_BYTES
+from pseudolidar.formats.mcap_records import MESSAGE_HEADER
+from pseudolidar.formats.mcap_salvage import Declared, Loss, Salvage, SavedMessage
+
+COMPRESSIONS = {
+    "lz4": CompressionType.LZ4,
+    "zstd": CompressionType.ZSTD,
+    "none": CompressionType.NONE,
+}
+LIBRARY = "pseudolidar recover"
+# Losses that are listed one by one; a hostile file may have millions.
+LISTED = 1000
+
+# Told how far a pass has come: bytes of the file.
+Progress = Callable[[int], None]
+
+
+@dataclass
+class Findings:
+    """What a pass over a recording has found.
+
+    Args:
+        saved: messages by topic.
+        unchecked: how many of them are from chunks that are cut or damaged.
+        lost: messages by topic that are known to be lost.
+        losses: damaged places in order, the first thousand.
+        places: how many there are.
+        lost_bytes: bytes in them.
+        unknown: whether messages may be lost that nothing tells of.
+        attachments: saved.
+        metadata: saved.
+        contents: CRC of every message with its topic and times, in order.
+    """
+
+    saved: Counter[str] = field(default_factory=Counter)
+    unchecked: int = 0
+    lost: Counter[str] = field(default_factory=Counter)
+    losses: list[Loss] = field(default_factory=list)
+    places: int = 0
+    lost_bytes: int = 0
+    unknown: bool = False
+    attachments: int = 0
+    metadata: int = 0
+    contents: int = 0
+
+    @property
+    def intact(self) -> bool:
+        """Nothing is wrong."""
+        return not self.places
+
+    @property
+    def complete(self) -> bool:
+        """No message is lost, or may be another than it was."""
+        return not (self.lost or self.unknown or self.unchecked)
+
+    def add_message(
+        self, topic: str, sequence: int, log_time_ns: int, publish_time_ns: int, data: memoryview
+    ) -> None:
+        """A message was saved, or read back."""
+        self.saved[topic] += 1
+        head = MESSAGE_HEADER.pack(0, sequence, log_time_ns, publish_time_ns)
+        self.contents = crc32(data, crc32(head, crc32(topic.encode(), self.contents)))
+
+    def add_loss(self, loss: Loss) -> None:
+        """A place is damaged."""
+        self.places += 1
+        self.lost_bytes += loss.nbytes
+        if loss.messages is not None:
+            self.lost.update(loss.messages)
+        elif loss.nbytes:
+            self.unknown = True
+        if len(self.losses) < LISTED:
+            self.losses.append(loss)
+
+    def settle(self, claimed: Mapping[str, int] | None) -> None:
+        """What the summary claims settles what is lost, where it is left."""
+        if claimed is not None:
+            missing = Counter(claimed)
+            missing.subtract(self.saved)
+            self.lost = Counter({topic: n for topic, n in missing.items() if n > 0})
+            self.unknown = False
+
+
+def inspect_recording(
+    path: Path,
+    *,
+    keep_damaged: bool = False,
+    limits: Limits = DEFAULT_LIMITS,
+    progress: Progress = lambda _: None,
+) -> tuple[Findings, Declared, str]:
+    """Read a recording that may be damaged anywhere, and tell what can be saved.
+
+    Args:
+        path: the recording; not changed.
+        keep_damaged: see `Salvage`.
+        limits: caps on what it may claim.
+        progress: told how far it has come.
+
+    Returns:
+        What was found, the channels of the whole file, and its compression.
+
+    Raises:
+        RecordingError: it cannot be read.
+    """
+    findings = Findings()
+    with _opened(path) as file:
+        salvage = Salvage(file, keep_damaged=keep_damaged, limits=limits)
+        for saved in salvage.run():
+            _note(findings, saved)
+            progress(salvage.position)
+    findings.settle(salvage.claimed)
+    return findings, salvage.declared, salvage.compression or "none"
+
+
+def recover_recording(
+    path: Path,
+    out: Path,
+    *,
+    known: Declared,
+    compression: str,
+    keep_damaged: bool = False,
+    limits: Limits = DEFAULT_LIMITS,
+    progress: Progress = lambda _: None,
+) -> Findings:
+    """Write all that can be saved as a complete recording, and read it back.
+
+    Chunks of the new file have 4 MB; profile, schemas, channels, times, sequence numbers, metadata
+    and attachments are those of the old one. Memory does not grow with the file.
+
+    Args:
+        path: the damaged recording; not changed.
+        out: the new one; has its name when it is complete and was read back.
+        known: channels of the whole file, of `inspect_recording`.
+        compression: of the new chunks: lz4, zstd or none.
+        keep_damaged: see `Salvage`.
+        limits: caps on what it may claim.
+        progress: told how far it has come.
+
+    Raises:
+        RecordingError: what was written does not read back as it was saved.
+        OutputError: the disk is full, or the folder cannot be written.
+    """
+    findings = Findings()
+    with _opened(path) as file, atomic_file(out) as target:
+        salvage = Salvage(file, known=known, keep_damaged=keep_damaged, limits=limits)
+        copy = _Copy(target, compression, known)
+        for saved in salvage.run():
+            copy.add(saved)
+            _note(findings, saved)
+            progress(salvage.position)
+        copy.finish()
+        target.flush()
+        findings.settle(salvage.claimed)
+        try:
+            found = read_back(Path(target.name))
+        except (McapError, OSError, ValueError) as error:
+            text = f"what was written does not read back: {type(error).__name__} {error}"
+            raise RecordingError(text, want="what was saved", path=out) from error
+        if (found.saved, found.contents) != (findings.saved, findings.contents):
+            raise RecordingError(
+                f"what was written reads back as {found.saved.total()} messages",
+                want=f"the {findings.saved.total()} that were saved, byte for byte",
+                path=out,
+            )
+    return findings
+
+
+def read_back(path: Path) -> Findings:
+    """Every message of a complete recording, by the reader of the library `mcap`, CRCs checked.
+
+    Raises:
+        McapError: it is broken.
+    """
+    findings = Findings()
+    channels: dict[int, Channel] = {}
+    with path.open("rb") as file:
+        for record in StreamReader(file, validate_crcs=True).records:
+            match record:
+                case Channel():
+                    channels[record.id] = record
+                case Attachment():
+                    findings.attachments += 1
+                case Metadata():
+                    findings.metadata += 1
+                case Message():
+                    findings.add_message(
+                        channels[record.channel_id].topic,
+                        record.sequence,
+                        record.log_time,
+                        record.publish_time,
+                        memoryview(record.data),
+                    )
+        file.seek(0)
+        summary = make_reader(file).get_summary()
+    counted = None if summary is None else summary.statistics
+    if counted is None or counted.message_count != findings.saved.total():
+        raise ValueError("its index counts other messages than there are")
+    return findings
+
+
+def _note(findings: Findings, saved: object) -> None:
+    match saved:
+        case SavedMessage():
+            findings.add_message(
+                saved.channel.topic,
+                saved.sequence,
+                saved.log_time_ns,
+                saved.publish_time_ns,
+                saved.data,
+            )
+            findings.unchecked += saved.damaged
+        case Loss():
+            findings.add_loss(saved)
+        case Attachment():
+            findings.attachments += 1
+        case Metadata():
+            findings.metadata += 1
+
+
+def _opened(path: Path) -> FileIO:
+    try:
+        return FileIO(path, "rb")
+    except FileNotFoundError:
+        raise RecordingError("no such file", want="an MCAP recording", path=path) from None
+    except OSError as error:
+        raise RecordingError(error.strerror or str(error), want="a file", path=path) from error
+
+
+class _Copy:
+    """The new recording while it is written."""
+
+    def __init__(self, target: BinaryIO, compression: str, known: Declared) -> None:
+        self._writer = Writer(
+            target,
+            chunk_size=CHUNK_BYTES,
+            compression=COMPRESSIONS[compression],
+            enable_data_crcs=True,
+        )
+        self._known = known
+        self._started = False
+        self._schemas: dict[tuple[str, str, bytes], int] = {}
+        self._channels: dict[tuple[str, str, int, tuple[tuple[str, str], ...]], int] = {}
+
+    def add(self, saved: object) -> None:
+        """One thing that was saved."""
+        match saved:
+            case Header():
+                self._start(saved)
+            case SavedMessage():
+                self._start(None)
+                self._writer.add_message(
+                    self._channel(saved.channel, saved.schema),
+                    log_time=saved.log_time_ns,
+                    publish_time=saved.publish_time_ns,
+                    sequence=saved.sequence,
+                    data=bytes(saved.data),
+                )
+            case Attachment():
+                self._start(None)
+                self._writer.add_attachment(
+                    create_time=saved.create_time,
+                    log_time=saved.log_time,
+                    name=saved.name,
+                    media_type=saved.media_type,
+                    data=saved.data,
+                )
+            case Metadata():
+                self._start(None)
+                self._writer.add_metadata(saved.name, saved.metadata)
+
+    def finish(self) -> None:
+        """Index and end."""
+        self._start(None)
+        self._writer.finish()  # type: ignore[no-untyped-call]
+
+    def _start(self, header: Header | None) -> None:
+        """The new header; where that of the old file is lost, messages tell the profile."""
+        if self._started:
+            return
+        self._started = True
+        if header is not None:
+            library = f"{header.library}; {LIBRARY}" if header.library else LIBRARY
+            self._writer.start(header.profile, library)
+            return
+        encodings = {channel.message_encoding for channel in self._known.channels.values()}
+        self._writer.start("ros2" if encodings == {"cdr"} else "", LIBRARY)
+
+    def _channel(self, channel: Channel, schema: Schema | None) -> int:
+        schema_id = 0 if schema is None else self._schema(schema)
+        metadata = tuple(sorted(channel.metadata.items()))
+        key = channel.topic, channel.message_encoding, schema_id, metadata
+        if key not in self._channels:
+            self._channels[key] = self._writer.register_channel(
+                channel.topic, channel.message_encoding, schema_id, dict(channel.metadata)
+            )
+        return self._channels[key]
+
+    def _schema(self, schema: Schema) -> int:
+        key = schema.name, schema.encoding, schema.data
+        if key not in self._schemas:
+            self._schemas[key] = self._writer.register_schema(*key)
+        return self._schemas[key]
