@@ -56,9 +56,11 @@ class Convert:
         pseudolidar convert synthetic:street out/street
         pseudolidar convert 2011_09_26_drive_0002_sync out --to pcd,mcap
         pseudolidar convert training out --matcher sgbm --frames 0:100:10 --to bin
+        pseudolidar convert left.mp4 out --right right.mp4 --rig rig.json
 
     Args:
-        source: KITTI raw, object, odometry or stereo data, folders of pictures, synthetic:NAME.
+        source: KITTI raw, object, odometry or stereo data, folders of pictures, videos of two
+            eyes, synthetic:NAME.
         out: output folder.
         to: what is written of each frame, a comma list: pcd, pcd:compressed, pcd:ascii, ply,
             ply:ascii, bin, npz, disparity, depth, mcap.

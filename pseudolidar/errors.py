@@ -115,6 +115,14 @@ class ImageFormat(PseudolidarError):
     """An image has a pixel layout that has no meaning here."""
 
 
+class VideoUnreadable(PseudolidarError):
+    """A video file cannot be opened, or holds no frame."""
+
+
+class VideoDamaged(PseudolidarError):
+    """A frame of a video is not there whole; a decoder would invent the rest."""
+
+
 class PairMismatch(PseudolidarError):
     """Left and right images differ in size or depth."""
 

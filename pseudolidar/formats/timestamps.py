@@ -35,11 +35,16 @@ def read_timestamps(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> tuple[int
         SequenceTime: missing file, or a line that is no date.
     """
     lines = read_lines(path, error=SequenceTime, limits=limits)
-    return tuple(_date_ns(line) if line.text else None for line in lines)
+    return tuple(date_ns(line, line.text.strip(" \t")) if line.text else None for line in lines)
 
 
-def _date_ns(line: TextLine) -> int:
-    match = DATE.fullmatch(line.text.strip(" \t"))
+def date_ns(line: TextLine, text: str) -> int:
+    """The date `text` of a line, ns since 1970 UTC.
+
+    Raises:
+        SequenceTime: it is no date, or not one of 1970 to 2261.
+    """
+    match = DATE.fullmatch(text)
     try:
         if match is None:
             raise ValueError

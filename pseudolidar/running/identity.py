@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from pseudolidar.formats.mcap_prolog import McapProlog
 
 SYNTHETIC_TIME = "time: synthetic"
-# Settings of sources that are paths; a rig file counts by its content.
-SOURCE_PLACES = ("path", "right", "rig")
+# Settings of sources that are paths; files of calibration and of times count by their content.
+TIMES_FILES = ("times", "right_times")
+SOURCE_PLACES = ("path", "right", "rig", *TIMES_FILES)
 # A matcher's file counts by its content, too.
 MATCHER_FILE = "path"
 _UNFIT_FOR_A_NAME = re.compile(r"[^\w.+-]+")
@@ -30,17 +31,24 @@ def identity(job: Any, source: FrameSequence[Frame]) -> dict[str, Any]:
     """Settings, version, source and calibration of a run, plain JSON values.
 
     Paths are resolved, so that it does not matter where the command is called from; of the
-    calibration its content counts, and not which file it came from.
+    calibration and of files of times the content counts, and not which file it came from.
     """
     wanted = result_settings(job)
     settings = without_places(wanted)
+    given = wanted.get("source", {})
+    files = {name: file for name in TIMES_FILES if (file := given.get(name))}
     return {
         "version": __version__,
         "source_path": _resolved(source.summary.path),
         "source_right": _resolved(wanted.get("source", {}).get("right") or ""),
         "calibration": hashlib.sha256(calibration_text(source).encode()).hexdigest(),
+        **{f"source_{name}": _digest(Path(file)) for name, file in files.items()},
         **settings,
     }
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def _resolved(place: str) -> str:

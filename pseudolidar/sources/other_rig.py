@@ -25,6 +25,7 @@ from pseudolidar.sources.source import (
     pairs_of,
 )
 from pseudolidar.sources.tum_depth import TumDepth
+from pseudolidar.sources.video import Video
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.pose import Pose
@@ -43,7 +44,7 @@ def opened_with_rig(
     """Open a source; where a calibration is given, with that in place of its own.
 
     Args:
-        settings: the source; folders of pictures need no rig of their own then.
+        settings: the source; folders of pictures and videos need no rig of their own then.
         rig: a calibration of any known form, or None.
         scale_calibration: scale it to the images where they have another size.
         unit: of its lengths, for files that do not say it.
@@ -51,10 +52,12 @@ def opened_with_rig(
     Raises:
         PseudolidarError: what opening the source, reading the file, or `with_rig` raises.
     """
-    if isinstance(settings, Folders):
+    if isinstance(settings, Folders | Video):
         own = settings if unit is None else replace(settings, rig_unit=unit)
         if rig is not None:
-            own = replace(own, rig=str(rig), scale_calibration=scale_calibration)
+            own = replace(own, rig=str(rig))
+        if scale_calibration:
+            own = replace(own, scale_calibration=True)
         return own.open()
     if rig is None:
         return settings.open()

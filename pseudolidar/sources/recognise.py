@@ -16,6 +16,7 @@ from pseudolidar.sources.middlebury import Middlebury
 from pseudolidar.sources.recording import Recording
 from pseudolidar.sources.synthetic import SYNTHETIC, Synthetic, world_and_frames
 from pseudolidar.sources.tum_depth import TumDepth
+from pseudolidar.sources.video import Video
 
 Source = (
     KittiRaw
@@ -25,6 +26,7 @@ Source = (
     | Middlebury
     | Folders
     | TumDepth
+    | Video
     | CloudFiles
     | Recording
     | Synthetic
@@ -40,12 +42,14 @@ LAYOUTS = (
     Recording,
     Folders,
     TumDepth,
+    Video,
     CloudFiles,
 )
 LOOKED_FOR = (
     "KITTI raw, object, stereo or odometry data, Middlebury or ETH3D scenes, "
     "pairs of pictures (folders left and right, names with left and right, _l and _r, "
-    "im0 and im1), pictures with depth (folders rgb and depth), "
+    "im0 and im1), videos (left.mp4 and right.mp4, _l and _r, _0 and _1, or one with both eyes), "
+    "pictures with depth (folders rgb and depth), "
     "files of clouds (pcd, ply, bin, npz), a recording (MCAP, ROS bag), "
     "or synthetic:street"
 )

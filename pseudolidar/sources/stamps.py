@@ -13,6 +13,15 @@ from pseudolidar.formats.timestamps import NS_PER_S
 
 # Frames without times start here: a stamp of 0 means "no time" to many tools.
 START_NS = NS_PER_S
+# Files beside pictures and videos that are looked for their times.
+TIMES_FILES = (
+    "times.txt",
+    "timestamps.txt",
+    "times.csv",
+    "timestamps.csv",
+    "data.csv",
+    "rgb.txt",
+)
 # A gap beyond this multiple of the median interval is told.
 GAP_RATIO = 3.0
 
@@ -47,6 +56,21 @@ def synthetic_times(indices: Sequence[int], rate_hz: float) -> FrameTimes:
         raise UsageError(f"a rate of {rate_hz:g} Hz", want="above 0", where="rate_hz")
     stamps = tuple(START_NS + round(index * NS_PER_S / rate_hz) for index in indices)
     return FrameTimes(stamps, (f"time: synthetic, 1 s + index / {rate_hz:g} Hz",))
+
+
+def recorded_times(stamps_ns: Sequence[int], *, first_ns: int) -> FrameTimes:
+    """Times that a recording states; where it begins at 0 or before, moved to begin at 1 s.
+
+    Args:
+        stamps_ns: increasing, of the chosen frames.
+        first_ns: time of the recording's first frame, chosen or not.
+    """
+    gaps = _gap_note(list(stamps_ns), range(len(stamps_ns)))
+    if first_ns > 0:
+        return FrameTimes(tuple(stamps_ns), gaps)
+    note = "time: of the recording, moved to begin at 1 s"
+    moved = tuple(stamp_ns - first_ns + START_NS for stamp_ns in stamps_ns)
+    return FrameTimes(moved, (note, *gaps))
 
 
 def read_frame_times(
