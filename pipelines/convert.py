@@ -13,12 +13,14 @@ from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in
 from pseudolidar.geometry.depth import depth_map
 from pseudolidar.geometry.frames import camera_tree
 from pseudolidar.running.bad_frames import OnError
+from pseudolidar.running.colmap_model import ColmapModel
 from pseudolidar.running.conversion_page import write_conversion_page
 from pseudolidar.running.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.encoders import Converted, encoded
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
 from pseudolidar.running.frame_checks import check_pair, check_texture
+from pseudolidar.running.kitti_tree import KittiTree
 from pseudolidar.running.outputs import Outputs, folder_of
 from pseudolidar.running.product import Product
 from pseudolidar.running.recording import RecordingPlan
@@ -28,6 +30,7 @@ from pseudolidar.running.run import Run
 from pseudolidar.running.samples import sampled_frames
 from pseudolidar.running.settings_schema import described
 from pseudolidar.running.stream import stream
+from pseudolidar.running.trees import Trees
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select
@@ -63,12 +66,15 @@ class Convert:
             eyes, synthetic:NAME.
         out: output folder.
         to: what is written of each frame, a comma list: pcd, pcd:compressed, pcd:ascii, ply,
-            ply:ascii, bin, npz, disparity, depth, mcap.
+            ply:ascii, bin, npz, disparity, depth, mcap; kitti (training tree of OpenPCDet and
+            MMDetection3D), colmap (cameras, poses and points for splatting tools).
         matcher: how disparities are found.
         smooth: how disparities are smoothed before they become points.
         fill: how holes between matched pixels are filled.
         reproject: which pixels become points, and how.
         mcap: what a recording holds.
+        kitti: thinning to beams and the split of a training tree.
+        colmap: how many points a COLMAP model has.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         exclude: not these.
         rig: calibration that replaces the source's cameras: a rig.json, OpenCV YAML, XML or JSON,
@@ -99,6 +105,8 @@ class Convert:
     reproject: Reproject = field(default_factory=Reproject)
     # Unpacked: lz4 takes longer than encoding all the rest of a frame, and saves 10 % of the bytes.
     mcap: McapContent = field(default_factory=McapContent)
+    kitti: KittiTree = field(default_factory=KittiTree)
+    colmap: ColmapModel = field(default_factory=ColmapModel)
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
     rig: Path | None = None
@@ -127,9 +135,9 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
     per_frame = ConvertFrame.of(job, source)
     if job.dry_run:
         return rehearse(source, per_frame, folder=job.out, crew=job.crew).checked()
-    recording = RecordingPlan.of(job, source, wanted=job.to.recording)
+    recording, trees = RecordingPlan.of(job, source, wanted=job.to.recording), per_frame.trees
     with (
-        Run.open(job.out, job, source, products=recording.names) as run,
+        Run.open(job.out, job, source, products=(*recording.names, *trees.products)) as run,
         recording.open(job.out, run.expected(per_frame, crew=job.crew)) as log,
     ):
         settled = run.settled(log.held)
@@ -138,6 +146,7 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
         for frame in run.good(fitting(outcomes, frames=left, folder=job.out)):
             log.append(frame.id, frame.value.parts)
             run.commit(frame)
+        trees.finish(job.out, run.records())
     result = run.result()
     chosen = {"matcher": described(job.matcher)} if source.yields is StereoFrame else {}
     page = write_conversion_page(job.out, result, source.rig, settings=chosen)
@@ -155,6 +164,7 @@ class ConvertFrame:
         frame: coordinate frame of the clouds, None for the usual one of what a frame knows.
         outputs: what is encoded.
         content: what the recording holds.
+        trees: layouts of other tools.
         sampled: ids of the frames that the report shows.
     """
 
@@ -164,6 +174,7 @@ class ConvertFrame:
     frame: CloudFrame | None
     outputs: Outputs
     content: McapContent
+    trees: Trees
     sampled: frozenset[str]
 
     @classmethod
@@ -178,8 +189,9 @@ class ConvertFrame:
         nearest_m = nearest_depth_m(job.min_depth, source)
         matcher, reproject = job.matcher.load(min_depth_m=nearest_m), job.reproject.load()
         refine = MapFilters.load(job.smooth, job.fill)
-        sampled = sampled_frames(source.ids)
-        return cls(matcher, refine, reproject, job.frame, job.to, job.mcap, sampled)
+        trees = Trees.of(job.to.trees, job.kitti, job.colmap, source)
+        shown = sampled_frames(source.ids)
+        return cls(matcher, refine, reproject, job.frame, job.to, job.mcap, trees, shown)
 
     def __call__(self, frame: Frame) -> Product:
         """Match and reproject a pair, reproject depth, take a cloud as it is; encode.
@@ -198,7 +210,7 @@ class ConvertFrame:
                 cloud = placed(cloud, camera_tree(frame.camera), self.frame)
                 converted = Converted(frame, cloud, depth=frame.depth)
         sampled = frame.id in self.sampled
-        return encoded(converted, self.outputs, self.content, sampled=sampled)
+        return encoded(converted, self.outputs, self.content, self.trees, sampled=sampled)
 
     def pair(self, frame: StereoFrame) -> Converted:
         """Match, refine, reproject."""
@@ -262,7 +274,7 @@ class ConvertReport:
             if "density" in figures:
                 matched = f", {figures['density']['mean']:.1%} of the pixels matched"
             lines.append(f"  {figures['points']['mean']:.0f} points a frame{matched}")
-        opens = [self.out / folder_of(kind) for kind in self.to.files]
+        opens = [self.out / folder_of(kind) for kind in (*self.to.files, *self.to.trees)]
         opens += sorted(self.out.glob("*.mcap")) if self.to.recording else []
         opens.append(self.page)
         return "\n".join([*lines, *(f"  {path}" for path in opens)])

@@ -211,6 +211,10 @@ class PoseFileError(PseudolidarError):
     """A pose file row is not a rigid transform, or rows are missing."""
 
 
+class PoseMissing(PseudolidarError):
+    """Nothing is known of where a frame was taken, and something needs it."""
+
+
 class SequenceTime(PseudolidarError):
     """Time stamps are not increasing or not plausible."""
 

@@ -128,22 +128,35 @@ def _unlabelled(path: Path, limits: Limits) -> KittiCalibration | None:
 
 
 def write_object_calib(path: Path, rig: StereoRig) -> None:
-    """Write a rig as `calib/NNNNNN.txt` of the object data, with all digits.
+    """Write a rig as `calib/NNNNNN.txt` of the object data: `encode_object_calib`.
+
+    Raises:
+        CalibrationField: the rig has no Velodyne, which this layout must have.
+    """
+    try:
+        write_atomic(path, encode_object_calib(rig))
+    except CalibrationField as error:
+        raise error.located(path) from None
+
+
+def encode_object_calib(rig: StereoRig) -> bytes:
+    """The bytes of `calib/NNNNNN.txt` of the object data, with all digits.
 
     Cameras 0 and 2 are the left one, 1 and 3 the right one, so that reading any pair gives `rig`.
+    The order of the rows is KITTI's: other readers count them.
 
     Raises:
         CalibrationField: the rig has no Velodyne, which this layout must have.
     """
     if rig.T_left_velodyne is None:
-        raise CalibrationField("a rig without a Velodyne", want="T_left_velodyne", path=path)
+        raise CalibrationField("a rig without a Velodyne", want="T_left_velodyne")
     fields = _projection_fields(rig, "P{}") | {
         "R0_rect": np.eye(3),
         "Tr_velo_to_cam": rig.T_left_velodyne.matrix[:3],
     }
     if rig.T_velodyne_imu is not None:
         fields["Tr_imu_to_velo"] = rig.T_velodyne_imu.matrix[:3]
-    write_atomic(path, key_values_text(fields).encode())
+    return key_values_text(fields).encode()
 
 
 def write_odometry_calib(path: Path, rig: StereoRig) -> None:

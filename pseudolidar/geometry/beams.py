@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.arrays import AnyArray, Float64, Int64
 
 # Upper and lower laser block of the HDL-64E: 32 lasers each, elevation of first and last, degrees.
 # Source: Velodyne HDL-64E S2 manual (vertical field +2 to -24.8 deg, 1/3 and 1/2 deg spacing) and
@@ -17,6 +17,8 @@ HDL64_LASERS_A_BLOCK = 32
 HDL64_AZIMUTH_STEP_DEG = 0.1728
 # It measures between these ranges, metres.
 HDL64_RANGE_M = (0.9, 120.0)
+# A point farther from every laser is between the beams: half the HDL-64E's wider spacing.
+LARGEST_OFF_BEAM_DEG = 0.25
 
 
 @dataclass(frozen=True)
@@ -52,3 +54,41 @@ def hdl64(azimuth_step_deg: float = HDL64_AZIMUTH_STEP_DEG) -> BeamTable:
     blocks = [np.linspace(*ends, HDL64_LASERS_A_BLOCK) for ends in HDL64_BLOCKS_DEG]
     elevations = tuple(float(e) for e in np.concatenate(blocks))
     return BeamTable(elevations, azimuth_step_deg, HDL64_RANGE_M)
+
+
+def every_nth_beam(table: BeamTable, beams: int) -> BeamTable:
+    """The table with `beams` lasers, evenly taken from all of them."""
+    step = len(table.elevations_deg) / beams
+    chosen = tuple(table.elevations_deg[int((i + 0.5) * step)] for i in range(beams))
+    return replace(table, elevations_deg=chosen)
+
+
+def seen_by_beams(xyz: AnyArray, table: BeamTable) -> Int64:
+    """Rows of the points that a LiDAR at the origin would have measured, increasing.
+
+    Of the points nearest to a direction of the table the nearest one is measured; a point belongs
+    to a laser within half the gap to its neighbours (a quarter of a degree at most) and to one
+    azimuth step.
+
+    Args:
+        xyz: (N, 3) m in a frame with x forward, y left, z up.
+        table: directions and range.
+    """
+    flat_m = np.hypot(xyz[:, 0], xyz[:, 1])
+    range_m = np.hypot(flat_m, xyz[:, 2])
+    elevation = np.degrees(np.arctan2(xyz[:, 2], flat_m))
+    azimuth = np.degrees(np.arctan2(xyz[:, 1], xyz[:, 0])) % 360
+    lasers = np.sort(np.array(table.elevations_deg))
+    after = np.clip(np.searchsorted(lasers, elevation), 1, max(1, len(lasers) - 1))
+    pair = np.stack([after - 1, np.minimum(after, len(lasers) - 1)])
+    off = np.abs(lasers[pair] - elevation)
+    laser = np.where(off[0] <= off[1], pair[0], pair[1])
+    hit = off.min(axis=0) <= LARGEST_OFF_BEAM_DEG
+    hit &= (range_m >= table.range_m[0]) & (range_m <= table.range_m[1])
+    steps = round(360.0 / table.azimuth_step_deg)
+    step = np.rint(azimuth / table.azimuth_step_deg).astype(np.int64) % steps
+    rows = np.flatnonzero(hit)
+    cell = laser[rows] * steps + step[rows]
+    order = np.lexsort((rows, range_m[rows], cell))
+    _cells, first = np.unique(cell[order], return_index=True)
+    return np.sort(rows[order[first]])

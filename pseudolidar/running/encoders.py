@@ -21,6 +21,7 @@ from pseudolidar.running.outputs import Outputs, file_name
 from pseudolidar.running.product import Product
 from pseudolidar.running.record import OutputFile
 from pseudolidar.running.samples import FrameSample, sample_name
+from pseudolidar.running.trees import Trees
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from pseudolidar.structures.frame import StereoFrame
@@ -78,7 +79,7 @@ ENCODERS: Mapping[str, Callable[[Converted], bytes]] = {
 
 
 def encoded(
-    converted: Converted, outputs: Outputs, content: McapContent, *, sampled: bool
+    converted: Converted, outputs: Outputs, content: McapContent, trees: Trees, *, sampled: bool
 ) -> Product:
     """Everything that will be written of a frame.
 
@@ -86,6 +87,7 @@ def encoded(
         converted: the frame.
         outputs: which files, and whether a recording.
         content: what the recording holds.
+        trees: layouts of other tools.
         sampled: whether the frame is one that the report shows.
     """
     frame = converted.frame
@@ -93,6 +95,7 @@ def encoded(
         OutputFile.of(file_name(kind, frame.id), ENCODERS[kind](converted))
         for kind in outputs.files
     ]
+    files += trees.files(frame, converted.cloud)
     if sampled:
         sample = FrameSample.of(frame, converted.disparity, converted.forward_cloud)
         files.append(OutputFile.of(sample_name(frame.id), sample.encode()))

@@ -10,6 +10,8 @@ from pseudolidar.errors import UsageError
 MCAP = "mcap"
 KINDS = ("pcd", "pcd:compressed", "pcd:ascii", "ply", "ply:ascii", "bin", "npz")
 MAPS = ("disparity", "depth")
+# Layouts of other tools: folders of their own, several files a frame.
+TREES = ("kitti", "colmap")
 
 
 @dataclass(frozen=True)
@@ -18,7 +20,8 @@ class Outputs:
 
     Clouds: `pcd`, `pcd:compressed`, `pcd:ascii`, `ply`, `ply:ascii`, `npz` with every column, and
     `bin` (KITTI: x, y, z, intensity; x forward). Maps: `disparity` and `depth`, PNG at KITTI's
-    scale. `mcap` is one recording of everything.
+    scale. `mcap` is one recording of everything. `kitti` is a training tree in KITTI's object
+    layout, `colmap` a COLMAP model of cameras, poses and points.
 
     Args:
         kinds: names in the order given, each folder once.
@@ -34,7 +37,7 @@ class Outputs:
             UsageError: nothing, an unknown name, or two forms of one format.
         """
         kinds = tuple(part.strip() for part in text.split(",") if part.strip())
-        known = (*KINDS, *MAPS, MCAP)
+        known = (*KINDS, *MAPS, MCAP, *TREES)
         folders = [folder_of(kind) for kind in kinds]
         if not kinds or not set(kinds) <= set(known) or len(set(folders)) < len(folders):
             raise UsageError(
@@ -53,7 +56,12 @@ class Outputs:
     @property
     def files(self) -> tuple[str, ...]:
         """The kinds that are a file for each frame."""
-        return tuple(kind for kind in self.kinds if kind != MCAP)
+        return tuple(kind for kind in self.kinds if kind not in (MCAP, *TREES))
+
+    @property
+    def trees(self) -> tuple[str, ...]:
+        """The kinds that are layouts of other tools."""
+        return tuple(kind for kind in self.kinds if kind in TREES)
 
 
 def folder_of(kind: str) -> str:
