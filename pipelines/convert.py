@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,7 +19,8 @@ from pseudolidar.running.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.encoders import Converted, encoded
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
-from pseudolidar.running.frame_checks import check_pair, check_texture
+from pseudolidar.running.frame_checks import MIN_DENSITY, check_pair, check_texture, scale_notes
+from pseudolidar.running.given import GivenSettings, given_maps
 from pseudolidar.running.kitti_tree import KittiTree
 from pseudolidar.running.outputs import Outputs, folder_of
 from pseudolidar.running.product import Product
@@ -37,6 +38,7 @@ from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, nearest_depth_m
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filled_map import Surfaces
+from pseudolidar.stereo.given_maps import GivenMaps, StoredSteps
 from pseudolidar.stereo.map_filter import MapFilters
 from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.stereo.neural import Onnx
@@ -71,6 +73,12 @@ class Convert:
         matcher: how disparities are found.
         smooth: how disparities are smoothed before they become points.
         fill: how holes between matched pixels are filled.
+        disparity: disparities that somebody else made, in place of a matcher: a folder of PNG (x
+            256), PFM or NPY files named as the frames.
+        depth: the same with depth along the optical axis: PNG (x 256), PFM or NPY (m).
+        map_scale: steps a px or m of such maps: auto, 256, 16 (OpenCV), 1000 (mm), 5000 (TUM), 1.
+        check_maps: look up in the pictures whether that scale is the right one.
+        sigma_px: error (68 %) of such maps, px of disparity; unknown by default.
         reproject: which pixels become points, and how.
         mcap: what a recording holds.
         kitti: thinning to beams and the split of a training tree.
@@ -102,6 +110,11 @@ class Convert:
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
     smooth: Fgs | None = None
     fill: Surfaces | None = None
+    disparity: Path | None = None
+    depth: Path | None = None
+    map_scale: StoredSteps = field(default_factory=StoredSteps)
+    check_maps: bool = True
+    sigma_px: float | None = None
     reproject: Reproject = field(default_factory=Reproject)
     # Unpacked: lz4 takes longer than encoding all the rest of a frame, and saves 10 % of the bytes.
     mcap: McapContent = field(default_factory=McapContent)
@@ -127,6 +140,18 @@ class Convert:
         """How the frames are done."""
         return CrewPlan(self.workers, self.timeout, self.isolate, self.memory_limit)
 
+    @property
+    def given(self) -> GivenSettings:
+        """Maps in place of a matcher."""
+        return GivenSettings(
+            self.disparity, self.depth, self.map_scale, self.check_maps, self.sigma_px
+        )
+
+    @property
+    def matched_by(self) -> str:
+        """What finds the disparities, in a few words."""
+        return self.given.text or described(self.matcher)
+
 
 def run(job: Convert) -> ConvertReport | Rehearsal:
     """Convert every frame of the source: match, reproject, encode; commit in order."""
@@ -148,7 +173,7 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
             run.commit(frame)
         trees.finish(job.out, run.records())
     result = run.result()
-    chosen = {"matcher": described(job.matcher)} if source.yields is StereoFrame else {}
+    chosen = {"matcher": job.matched_by} if source.yields is StereoFrame else {}
     page = write_conversion_page(job.out, result, source.rig, settings=chosen)
     return ConvertReport(result, job.out, job.to, page)
 
@@ -187,7 +212,9 @@ class ConvertFrame:
         if source.rig is not None:
             left_in(source.rig, job.frame or default_frame(source.rig))
         nearest_m = nearest_depth_m(job.min_depth, source)
-        matcher, reproject = job.matcher.load(min_depth_m=nearest_m), job.reproject.load()
+        given = given_maps(job.given, source)
+        matcher = given or job.matcher.load(min_depth_m=nearest_m)
+        reproject = job.reproject.load()
         refine = MapFilters.load(job.smooth, job.fill)
         trees = Trees.of(job.to.trees, job.kitti, job.colmap, source)
         shown = sampled_frames(source.ids)
@@ -212,13 +239,19 @@ class ConvertFrame:
         sampled = frame.id in self.sampled
         return encoded(converted, self.outputs, self.content, self.trees, sampled=sampled)
 
+    @property
+    def least_density(self) -> float:
+        """Share of pixels that must have a disparity: given maps may be sparse."""
+        return 0.0 if isinstance(self.matcher, GivenMaps) else MIN_DENSITY
+
     def pair(self, frame: StereoFrame) -> Converted:
         """Match, refine, reproject."""
         check_pair(frame)
         matched = self.matcher(frame)
-        check_texture(frame, matched)
+        check_texture(frame, matched, least=self.least_density)
         disparity, counts = self.refine(frame, matched)
         depth = depth_map(disparity, frame.rig)
+        frame = replace(frame, notes=(*frame.notes, *scale_notes(frame, disparity, depth)))
         cloud = self.reproject(frame, disparity)
         placed = cloud.transformed(left_in(frame.rig, self.frame or default_frame(frame.rig)))
         return Converted(frame, placed, disparity, depth, counts)
@@ -235,7 +268,7 @@ def opened(job: Convert) -> FrameSequence[Frame]:
     for name in source.summary.absent:
         _log.info("absent: %s", name)
     if source.yields is StereoFrame:
-        _log.info("matcher: %s", described(job.matcher))
+        _log.info("matcher: %s", job.matched_by)
     return source
 
 

@@ -70,6 +70,25 @@ def corrected_disparity(d: Float64, u: Float64, v: Float64, rig: StereoRig) -> F
     return d - rig.correction.offset_px(d, u, v, rig.left.size_px)
 
 
+def measured_disparity(d: Float64, u: Float64, v: Float64, rig: StereoRig) -> Float64:
+    """Disparities that the rig would measure of true ones: the inverse of `corrected_disparity`.
+
+    The correction is linear in the disparity: offset = a(u, v) + b d.
+
+    Args:
+        d: true, px, any shape.
+        u: column, px, of the same shape.
+        v: row, px, of the same shape.
+        rig: with its correction, or none.
+    """
+    if rig.correction is None:
+        return d
+    size, zero = rig.left.size_px, np.zeros_like(d)
+    at_zero = rig.correction.offset_px(zero, u, v, size)
+    per_px = rig.correction.coefficients[1] / rig.correction.DISPARITY_UNIT_PX
+    return np.asarray((d + at_zero) / (1 - per_px))
+
+
 def points_by_q(d: Float64, u: Float64, v: Float64, rig: StereoRig) -> Float64:
     """(N, 3) points in the left camera's frame, m: `Q (u, v, d, 1)` of the ideal disparity.
 

@@ -24,6 +24,8 @@ TIMES_FILES = ("times", "right_times")
 SOURCE_PLACES = ("path", "right", "rig", *TIMES_FILES)
 # A matcher's file counts by its content, too.
 MATCHER_FILE = "path"
+# Settings of `convert` that are folders of maps in place of a matcher.
+GIVEN_MAPS = ("disparity", "depth")
 _UNFIT_FOR_A_NAME = re.compile(r"[^\w.+-]+")
 
 
@@ -41,6 +43,7 @@ def identity(job: Any, source: FrameSequence[Frame]) -> dict[str, Any]:
         "version": __version__,
         "source_path": _resolved(source.summary.path),
         "source_right": _resolved(wanted.get("source", {}).get("right") or ""),
+        **{f"given_{name}": _resolved(wanted.get(name) or "") for name in GIVEN_MAPS},
         "calibration": hashlib.sha256(calibration_text(source).encode()).hexdigest(),
         **{f"source_{name}": _digest(Path(file)) for name, file in files.items()},
         **settings,
@@ -64,7 +67,11 @@ def without_places(settings: dict[str, Any]) -> dict[str, Any]:
     if MATCHER_FILE in matcher:
         network = {MATCHER_FILE: f"sha256:{read_onnx(Path(matcher[MATCHER_FILE])).sha256()}"}
         settings = settings | {"matcher": matcher | network}
-    return {key: value for key, value in settings.items() if key != "rig"} | {"source": source}
+    for name in GIVEN_MAPS:
+        if settings.get(name):
+            settings = settings | {"matcher": {"kind": f"given-{name}"}}
+    places = ("rig", *GIVEN_MAPS)
+    return {key: value for key, value in settings.items() if key not in places} | {"source": source}
 
 
 def calibration_text(source: FrameSequence[Frame]) -> str:

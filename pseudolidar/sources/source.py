@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol, TypeVar, cast
 
@@ -97,6 +98,16 @@ def nearest_depth_m(wanted_m: float | None, source: FrameSequence[Frame]) -> flo
         return wanted_m
     stated_m = source.summary.nearest_m
     return DEFAULT_MIN_DEPTH_M if stated_m is None else stated_m
+
+
+def first_middle_last(source: FrameSource) -> Iterator[StereoFrame]:
+    """Up to three frames that show what all are like; those that cannot be read are left out."""
+    last = len(source.ids) - 1
+    for index in sorted({0, last // 2, last}) if last >= 0 else ():
+        try:
+            yield source.load(index)
+        except PseudolidarError:
+            continue  # refused in its turn
 
 
 def pairs_of(source: FrameSequence[Frame]) -> FrameSource:
