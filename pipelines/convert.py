@@ -64,8 +64,9 @@ class Convert:
         pseudolidar convert left.mp4 out --right right.mp4 --rig rig.json
 
     Args:
-        source: KITTI raw, object, odometry or stereo data, folders of pictures, videos of two
-            eyes, synthetic:NAME.
+        source: KITTI raw, object, odometry or stereo data, Middlebury or ETH3D scenes, folders of
+            pictures of two eyes or of pictures and depth, videos of two eyes, clouds, recordings,
+            synthetic:NAME.
         out: output folder.
         to: what is written of each frame, a comma list: pcd, pcd:compressed, pcd:ascii, ply,
             ply:ascii, bin, npz, disparity, depth, mcap; kitti (training tree of OpenPCDet and
@@ -113,7 +114,7 @@ class Convert:
     disparity: Path | None = None
     depth: Path | None = None
     map_scale: StoredSteps = field(default_factory=StoredSteps)
-    check_maps: bool = True
+    check_maps: Annotated[bool, RUN_ONLY] = True
     sigma_px: float | None = None
     reproject: Reproject = field(default_factory=Reproject)
     # Unpacked: lz4 takes longer than encoding all the rest of a frame, and saves 10 % of the bytes.
