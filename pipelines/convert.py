@@ -34,8 +34,8 @@ from pseudolidar.running.stream import stream
 from pseudolidar.running.trees import Trees
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
-from pseudolidar.sources.selection import FrameSelection, select
-from pseudolidar.sources.source import FrameSequence, nearest_depth_m
+from pseudolidar.sources.selection import FrameSelection, select, whole
+from pseudolidar.sources.source import FrameSequence, nearest_depth_m, pairs_of
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filled_map import Surfaces
 from pseudolidar.stereo.given_maps import GivenMaps, StoredSteps
@@ -44,7 +44,9 @@ from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.stereo.sgbm import Bm, Sgbm
+from pseudolidar.stereo.sightings import Sightings
 from pseudolidar.stereo.smoothed_map import Fgs
+from pseudolidar.stereo.temporal import Kalman
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
 
@@ -72,6 +74,7 @@ class Convert:
             ply:ascii, bin, npz, disparity, depth, mcap; kitti (training tree of OpenPCDet and
             MMDetection3D), colmap (cameras, poses and points for splatting tools).
         matcher: how disparities are found.
+        temporal: how disparities are fused with those of the frames before; needs poses.
         smooth: how disparities are smoothed before they become points.
         fill: how holes between matched pixels are filled.
         disparity: disparities that somebody else made, in place of a matcher: a folder of PNG (x
@@ -109,6 +112,7 @@ class Convert:
     out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out")
     to: Outputs = field(default_factory=lambda: Outputs(("pcd",)))
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
+    temporal: Kalman | None = None
     smooth: Fgs | None = None
     fill: Surfaces | None = None
     disparity: Path | None = None
@@ -214,9 +218,12 @@ class ConvertFrame:
             left_in(source.rig, job.frame or default_frame(source.rig))
         nearest_m = nearest_depth_m(job.min_depth, source)
         given = given_maps(job.given, source)
-        matcher = given or job.matcher.load(min_depth_m=nearest_m)
+        matcher: StereoMatcher = given or job.matcher.load(min_depth_m=nearest_m)
         reproject = job.reproject.load()
         refine = MapFilters.load(job.smooth, job.fill)
+        if job.temporal is not None:
+            fuse = job.temporal.load(matcher, pairs_of(whole(source)))
+            matcher, refine = fuse.sightings, refine.after(fuse)
         trees = Trees.of(job.to.trees, job.kitti, job.colmap, source)
         shown = sampled_frames(source.ids)
         return cls(matcher, refine, reproject, job.frame, job.to, job.mcap, trees, shown)
@@ -243,7 +250,9 @@ class ConvertFrame:
     @property
     def least_density(self) -> float:
         """Share of pixels that must have a disparity: given maps may be sparse."""
-        return 0.0 if isinstance(self.matcher, GivenMaps) else MIN_DENSITY
+        matcher = self.matcher
+        inner = matcher.matcher if isinstance(matcher, Sightings) else matcher
+        return 0.0 if isinstance(inner, GivenMaps) else MIN_DENSITY
 
     def pair(self, frame: StereoFrame) -> Converted:
         """Match, refine, reproject."""

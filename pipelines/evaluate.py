@@ -25,7 +25,7 @@ from pseudolidar.running.settings_schema import described
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
-from pseudolidar.sources.selection import FrameSelection, select
+from pseudolidar.sources.selection import FrameSelection, select, whole
 from pseudolidar.sources.source import FrameSequence, nearest_depth_m, pairs_of
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filled_map import Surfaces
@@ -34,6 +34,7 @@ from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.stereo.smoothed_map import Fgs
+from pseudolidar.stereo.temporal import Kalman
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.samples import DisparitySamples
 
@@ -82,6 +83,7 @@ class Evaluate:
         what: what is judged.
         source: data with ground-truth disparity, or disparity maps: files or folders.
         matcher: how disparities are found.
+        temporal: how disparities are fused with those of the frames before; needs poses.
         smooth: how disparities are smoothed before they are judged.
         fill: how holes between matched pixels are filled.
         reference: the truth for disparity maps, a file or a folder with the same names.
@@ -101,6 +103,7 @@ class Evaluate:
     what: Annotated[Literal["disparity"], POSITIONAL]
     source: Annotated[Source | Maps, Recognised(recognise_judged)]
     matcher: Census | Sgbm | Bm | Onnx = Census()
+    temporal: Kalman | None = None
     smooth: Fgs | None = None
     fill: Surfaces | None = None
     reference: Path | None = None
@@ -161,7 +164,10 @@ def run(job: Evaluate) -> DisparityReport:
         return compare_maps(job)
     source = opened(job)
     filters = MapFilters.load(job.smooth, job.fill)
-    loaded = job.matcher.load(min_depth_m=nearest_depth_m(job.min_depth, source))
+    loaded: StereoMatcher = job.matcher.load(min_depth_m=nearest_depth_m(job.min_depth, source))
+    if job.temporal is not None:
+        fuse = job.temporal.load(loaded, whole(source))
+        loaded, filters = fuse.sightings, filters.after(fuse)
     matcher = FilteredMatcher(loaded, filters)
     per_frame = JudgeFrame(matcher, most=max(1, MAX_SAMPLES // max(1, len(source.ids))))
     skipped: list[Skipped] = []

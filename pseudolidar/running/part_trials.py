@@ -11,6 +11,7 @@ import json
 import sys
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -69,11 +70,16 @@ def filters() -> str:
     from pseudolidar.stereo.filled_map import Surfaces
     from pseudolidar.stereo.map_filter import MapFilters
     from pseudolidar.stereo.smoothed_map import Fgs
+    from pseudolidar.stereo.temporal import Kalman
     from pseudolidar.structures.disparity import DisparityMap
 
     values = np.full((_HEIGHT, _WIDTH), _SHIFT_PX, np.float32)
     wall = MapFilters.load(Fgs(), Surfaces())(trial_frame(), DisparityMap(values)).disparity
     _check(np.allclose(wall.values, _SHIFT_PX, atol=0.01), "a flat wall")
+    still = _Still()
+    fuse = Kalman(window=2).load(lambda _: wall, still)
+    fused = fuse(still.load(1), wall).disparity
+    _check(np.allclose(fused.values, _SHIFT_PX, atol=0.01), "a flat wall, seen twice")
     return "kernels compiled, a flat wall stayed flat"
 
 
@@ -190,6 +196,13 @@ def trial_frame() -> StereoFrame:
         ),
     )
     return StereoFrame(left, right, rig, id="trial", index=0, timestamp_ns=10**9)
+
+
+class _Still:
+    """A camera that does not move."""
+
+    def load(self, index: int) -> StereoFrame:
+        return replace(trial_frame(), index=index, pose=Pose.identity("map", "base_link"))
 
 
 def _texture() -> UInt8:

@@ -113,6 +113,11 @@ def select(
     )
 
 
+def whole(source: FrameSequence[AnyFrame]) -> FrameSequence[AnyFrame]:
+    """What `select` took frames from: its positions are the frames' own indices."""
+    return source.source if isinstance(source, SelectedSource) else source
+
+
 @dataclass(frozen=True, eq=False)
 class SelectedSource(Generic[AnyFrame]):
     """Some frames of a source.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol, Self
 
 import numpy as np
@@ -58,6 +58,10 @@ class MapFilters:
     def load(cls, *chosen: MapFilterSettings | None) -> Self:
         """Those that are chosen, in this order."""
         return cls(tuple(settings.load() for settings in chosen if settings is not None))
+
+    def after(self, first: MapFilter) -> Self:
+        """The same with another one in front."""
+        return replace(self, filters=(first, *self.filters))
 
     def __call__(self, frame: StereoFrame, disparity: DisparityMap) -> Filtered:
         """Pass the map through all of them; counts of all together."""
