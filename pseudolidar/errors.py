@@ -183,6 +183,10 @@ class CalibrationSizeMismatch(PseudolidarError):
     """Images have another size than the calibration is for."""
 
 
+class InputChanged(PseudolidarError):
+    """A file was written to while it was read."""
+
+
 class PointFileMissing(PseudolidarError):
     """A point file is not there."""
 
@@ -201,6 +205,10 @@ class PointFileHeader(PointFileCorrupt):
 
 class PointFileField(PseudolidarError):
     """A point file lacks x, y or z."""
+
+
+class MeshIndex(PointFileCorrupt):
+    """A face of a mesh names a vertex that is not there."""
 
 
 class LabelError(PseudolidarError):

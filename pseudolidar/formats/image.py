@@ -35,6 +35,7 @@ from pseudolidar.formats.image_kinds import check_kind
 from pseudolidar.formats.jpeg_structure import check_jpeg, jpeg_header
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.tiff_header import tiff_header
+from pseudolidar.formats.whole_read import read_whole
 from pseudolidar.structures.arrays import AnyArray, Image
 
 # Names beside a missing one that are compared with it; a folder may hold 100 000.
@@ -125,7 +126,7 @@ def _read_bytes(path: Path, limits: Limits) -> bytes:
         size = path.stat().st_size
         if size > limits.pixels * LARGEST_PIXEL_BYTES:
             raise _too_large(f"a file of {size} bytes", limits).located(path)
-        return path.read_bytes()
+        return read_whole(path)
     except FileNotFoundError:
         raise _missing(path) from None
     except OSError as error:

@@ -18,6 +18,7 @@ from pseudolidar.errors import (
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.image_kinds import content_kind
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.whole_read import read_whole
 from pseudolidar.structures.arrays import Float32
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
 
@@ -130,7 +131,7 @@ def _no_header(data: bytes) -> PseudolidarError:
 
 def _read(path: Path, limits: Limits) -> Float32:
     try:
-        return decode_pfm(path.read_bytes(), limits=limits)
+        return decode_pfm(read_whole(path), limits=limits)
     except OSError as error:
         raise ImageMissing(error.strerror or str(error), want="a PFM", path=path) from error
     except PseudolidarError as error:

@@ -117,7 +117,8 @@ def decode_ply(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:
         )
     _check_claims(data, header)
     check_point_limit(vertices[0].count, limits)
-    columns = _ascii(data, header) if header.encoding == "ascii" else _binary(data, header)
+    read = _ascii if header.encoding == "ascii" else _binary
+    columns = read(data, header, vertices[0].count)
     if len(next(iter(columns.values()), ())) != vertices[0].count:
         raise PointFileField("vertices without single values", want="x, y and z")
     rgb = _pop_colours(columns)
@@ -134,10 +135,10 @@ def _check_claims(data: bytes, header: PlyHeader) -> None:
     check_claim(claimed, len(data) - header.body_at, items=items, at_byte=header.body_at)
 
 
-def _binary(data: bytes, header: PlyHeader) -> Columns:
+def _binary(data: bytes, header: PlyHeader, count: int) -> Columns:
     at, vertices = header.body_at, {}
     for element in header.elements:
-        columns, at = binary_items(data, at, element)
+        columns, at = binary_items(data, at, element, vertices=count)
         if element.name == "vertex":
             vertices = columns
     if at < len(data):
@@ -149,7 +150,7 @@ def _binary(data: bytes, header: PlyHeader) -> Columns:
     return vertices
 
 
-def _ascii(data: bytes, header: PlyHeader) -> Columns:
+def _ascii(data: bytes, header: PlyHeader, count: int) -> Columns:
     elements = [e for e in header.elements if e.properties]
     body = without_blank_lines(data[header.body_at :])
     ends = np.concatenate([[0], line_ends(body)])
@@ -162,7 +163,7 @@ def _ascii(data: bytes, header: PlyHeader) -> Columns:
                 want=f"{element.count}",
                 fix="Copy or make the file again: it ends early.",
             )
-        columns = ascii_items(body[ends[first] : ends[last]], element)
+        columns = ascii_items(body[ends[first] : ends[last]], element, vertices=count)
         if element.name == "vertex":
             vertices = columns
         first = last

@@ -14,6 +14,7 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.image_kinds import content_kind
 from pseudolidar.formats.limits import Limits
+from pseudolidar.formats.whole_read import read_whole
 
 # Longest text header that is believed, bytes; real ones are below 2 kB.
 MAX_HEADER_BYTES = 64 * 1024
@@ -27,7 +28,7 @@ def read_point_bytes(path: Path) -> bytes:
         PointFileMissing: no such file, a folder, or no permission to read it.
     """
     try:
-        return path.read_bytes()
+        return read_whole(path)
     except OSError as error:
         raise PointFileMissing(
             error.strerror or str(error), want="a readable point file", path=path

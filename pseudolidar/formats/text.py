@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pseudolidar.errors import LimitError, PseudolidarError
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.whole_read import read_whole
 
 # Unlike `float()`: no 1_000, nan, infinity, decimal comma or digits of other scripts.
 NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
@@ -102,7 +103,7 @@ def read_lines(
             raise LimitError(
                 f"{path.stat().st_size} bytes", want=f"at most {limits.text_bytes}", path=path
             )
-        data = path.read_bytes()
+        data = read_whole(path)
     except OSError as fault:
         raise (missing or error)(fault.strerror or str(fault), want="a file", path=path) from fault
     text = _decode(path, data, error).replace("\r\n", "\n").replace("\r", "\n")

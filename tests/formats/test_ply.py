@@ -7,6 +7,7 @@ import pytest
 
 from pseudolidar.errors import (
     LimitError,
+    MeshIndex,
     PointFileCorrupt,
     PointFileField,
     PointFileHeader,
@@ -80,7 +81,7 @@ def test_big_endian():
 
 
 def faces(counts: list[int], order: str = "<") -> bytes:
-    return b"".join(struct.pack(f"{order}B{n}i", n, *range(n)) for n in counts)
+    return b"".join(struct.pack(f"{order}B{n}i", n, *(i % 2 for i in range(n))) for n in counts)
 
 
 FACES = ("element face 3", "property list uchar int vertex_indices")
@@ -108,6 +109,30 @@ def test_list_before_x(counts, order):
     cloud = decode_ply(ply(*lines, body=body, encoding=encoding))
     np.testing.assert_array_equal(cloud.xyz, POINTS)
     assert cloud.extra["c"].tolist() == [7, 7]
+
+
+@pytest.mark.parametrize("bad", [2, -1, 999_999])
+@pytest.mark.parametrize("counts", [[3, 3, 3], [3, 4, 3]], ids=["triangles", "mixed"])
+@pytest.mark.parametrize("before", [False, True])
+@pytest.mark.parametrize("name", ["vertex_indices", "vertex_index"])
+def test_faces_of_vertices_that_are_not_there(bad, counts, before, name):
+    good = faces(counts)
+    at = 1 + 4 * counts[0] + 1 + 4  # the second number of the second face
+    body = good[:at] + struct.pack("<i", bad) + good[at + 4 :]
+    vertex = ("element vertex 2", *XYZ)
+    listed = ("element face 3", f"property list uchar int {name}")
+    lines = (*listed, *vertex) if before else (*vertex, *listed)
+    parts = (body, POINTS.tobytes()) if before else (POINTS.tobytes(), body)
+    with pytest.raises(MeshIndex, match=rf"face 1.* 0 {bad} 0.*from 0 to 1"):
+        decode_ply(ply(*lines, body=b"".join(parts)))
+
+
+@pytest.mark.parametrize("bad", [b"2", b"-1", b"1.0", b"9999999999999999999", b"x"])
+def test_faces_in_text_of_vertices_that_are_not_there(bad):
+    lines = ("element vertex 2", *XYZ, *FACES)
+    body = b"1.5 2 3\n-4 5.25 1e-3\n3 0 1 1\n4 0 1 1 " + bad + b"\n0\n"
+    with pytest.raises(MeshIndex, match="face 1"):
+        decode_ply(ply(*lines, body=body, encoding="ascii"))
 
 
 def test_text_with_lists_and_faces():
