@@ -10,16 +10,17 @@ from typing import Protocol
 
 import numpy as np
 
-from pseudolidar.errors import PointFileMissing, PseudolidarError
-from pseudolidar.formats import pcd_header, ply_header
+from pseudolidar.errors import PointFileMissing, PointFileTruncated, PseudolidarError
 from pseudolidar.formats.columns import Notes
+from pseudolidar.formats.image_kinds import SNIFFED_BYTES, content_kind
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.npz import read_npz, read_npz_time
-from pseudolidar.formats.pcd import read_pcd
-from pseudolidar.formats.ply import read_ply
-from pseudolidar.formats.point_file import MAX_HEADER_BYTES
-from pseudolidar.formats.velodyne_bin import read_velodyne_bin
+from pseudolidar.formats.pcd import pcd_header, read_pcd, salvage_pcd
+from pseudolidar.formats.ply import ply_header, read_ply, salvage_ply
+from pseudolidar.formats.point_file import MAX_HEADER_BYTES, Salvaged, read_point_bytes
+from pseudolidar.formats.velodyne_bin import POINT_BYTES, read_velodyne_bin
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.structures.frame import LidarScan
 
 
 class CloudReader(Protocol):
@@ -27,6 +28,13 @@ class CloudReader(Protocol):
 
     def __call__(self, path: Path, *, limits: Limits) -> PointCloud:
         """The cloud in the file."""
+
+
+class CloudSalvage(Protocol):
+    """Takes what is whole of a file that ends early."""
+
+    def __call__(self, data: bytes, *, limits: Limits) -> Salvaged:
+        """The whole points."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +45,67 @@ class CloudFormat:
         name: for people.
         read: file to cloud.
         time_ns: the time that a file notes, read without its points; 0 where it notes none.
+        salvage: bytes of a file that ends early to its whole points; None where that has none.
     """
 
     name: str
     read: CloudReader
     time_ns: Callable[[Path], int]
+    salvage: CloudSalvage | None = None
+
+
+@dataclass(frozen=True)
+class CloudReading:
+    """How files of clouds are read.
+
+    Args:
+        sniff: go by the content of a file, not by its extension.
+        salvage: of a file that ends early take the whole points.
+        record_bytes: bytes of a point of a `.bin`.
+    """
+
+    sniff: bool = False
+    salvage: bool = False
+    record_bytes: int = POINT_BYTES
+
+    def format_of(self, path: Path) -> CloudFormat:
+        """Format of a file.
+
+        Raises:
+            PointFileMissing: there is none, or no such file.
+        """
+        return (self.sniff and _format_within(path)) or format_of(path)
+
+    def read(self, path: Path, *, limits: Limits = DEFAULT_LIMITS) -> tuple[PointCloud, list[str]]:
+        """A cloud with all its columns, and what was odd about its file.
+
+        Raises:
+            PointFileMissing: no such file, or no format of that extension.
+            PseudolidarError: what the reader of the format raises.
+        """
+        kind = self.format_of(path)
+        if kind is FORMATS[".bin"]:
+            return self._read_bin(path, limits)
+        other = [f"read as {kind.name}"] if kind is not FORMATS.get(path.suffix.lower()) else []
+        try:
+            return kind.read(path, limits=limits), other
+        except PointFileTruncated:
+            if not self.salvage or kind.salvage is None:
+                raise
+        try:
+            saved = kind.salvage(read_point_bytes(path), limits=limits)
+        except PseudolidarError as error:
+            raise error.located(path) from error.__cause__
+        return saved.cloud, [*other, f"salvaged: {len(saved.cloud)} of {saved.claimed} points"]
+
+    def _read_bin(self, path: Path, limits: Limits) -> tuple[PointCloud, list[str]]:
+        size, salvage = self.record_bytes, self.salvage
+        scan = read_velodyne_bin(path, record_bytes=size, salvage=salvage, limits=limits)
+        rest = path.stat().st_size % size
+        notes = [f"salvaged: {rest} bytes at the end left out"] if rest else []
+        notes += ["empty"] if path.stat().st_size == 0 else []
+        notes += [f"{scan.dropped} implausible points left out"] if scan.dropped else []
+        return _cloud_of(scan), notes
 
 
 def read_cloud(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:
@@ -70,9 +134,24 @@ def format_of(path: Path) -> CloudFormat:
     return known
 
 
+def _format_within(path: Path) -> CloudFormat | None:
+    """Format of a file by its first bytes, where they tell."""
+    try:
+        with path.open("rb") as file:
+            start = file.read(SNIFFED_BYTES)
+    except OSError:
+        return None  # the reader says so better
+    if start.lstrip().startswith((b"VERSION", b"# .PCD")):
+        return FORMATS[".pcd"]
+    return {"PLY cloud": FORMATS[".ply"], "ZIP archive": FORMATS[".npz"]}.get(content_kind(start))
+
+
 def _read_bin(path: Path, *, limits: Limits) -> PointCloud:
     """A Velodyne scan as a cloud: x forward; reflectances beyond 0-1 are an extra column."""
-    scan = read_velodyne_bin(path, limits=limits)
+    return _cloud_of(read_velodyne_bin(path, limits=limits))
+
+
+def _cloud_of(scan: LidarScan) -> PointCloud:
     cloud = PointCloud(scan.xyz, scan.frame)
     if scan.reflectance is None:
         return cloud
@@ -114,7 +193,11 @@ def is_cloud_file(path: Path) -> bool:
 # The one that keeps most first: of files that differ by extension only, the first is read.
 FORMATS: Mapping[str, CloudFormat] = {
     ".npz": CloudFormat("NPZ", read_npz, read_npz_time),
-    ".pcd": CloudFormat("PCD", read_pcd, _header_time(lambda d: pcd_header.parse_header(d).notes)),
-    ".ply": CloudFormat("PLY", read_ply, _header_time(lambda d: ply_header.parse_header(d).notes)),
+    ".pcd": CloudFormat(
+        "PCD", read_pcd, _header_time(lambda data: pcd_header(data).notes), salvage_pcd
+    ),
+    ".ply": CloudFormat(
+        "PLY", read_ply, _header_time(lambda data: ply_header(data).notes), salvage_ply
+    ),
     ".bin": CloudFormat("Velodyne .bin", _read_bin, lambda _: 0),
 }

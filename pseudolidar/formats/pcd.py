@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -19,6 +20,7 @@ from pseudolidar.formats.columns import assemble, notes_of, scalar_fields, stora
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.pcd_header import PADDING, PcdField, PcdHeader, parse_header
 from pseudolidar.formats.point_file import (
+    Salvaged,
     check_claim,
     check_point_limit,
     read_point_bytes,
@@ -95,8 +97,43 @@ def encode_pcd(cloud: PointCloud, *, encoding: Encoding = "binary") -> bytes:
 
 def decode_pcd(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:
     """The cloud in the bytes of a PCD; errors as in `read_pcd`."""
+    return _cloud(data, pcd_header(data), limits)
+
+
+def pcd_header(data: bytes) -> PcdHeader:
+    """What the header at the start of `data` says.
+
+    Raises:
+        PointFileHeader: another kind of file, or an illegal line.
+        PointFileTruncated: the file ends within it.
+    """
     refuse_other_content(data, want="PCD", kinds=("PCD cloud",))
-    header = parse_header(data)
+    return parse_header(data)
+
+
+def salvage_pcd(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> Salvaged:
+    """The whole points of a PCD that ends early; others are not made up.
+
+    Compressed files hold no whole point before their end.
+
+    Raises:
+        PointFileTruncated: not even the header is whole, or the points are compressed.
+        PseudolidarError: as `read_pcd` of a whole file.
+    """
+    header = pcd_header(data)
+    if header.encoding == "ascii":
+        data = data[: max(header.body_at, data.rfind(b"\n") + 1)]
+        whole = sum(1 for line in data[header.body_at :].split(b"\n") if line.strip())
+    elif header.encoding == "binary":
+        whole = (len(data) - header.body_at) // header.record.itemsize
+        data = data[: header.body_at + min(whole, header.points) * header.record.itemsize]
+    else:
+        return Salvaged(_cloud(data, header, limits), header.points)
+    part = replace(header, width=min(whole, header.points), height=1)
+    return Salvaged(_cloud(data, part, limits), header.points)
+
+
+def _cloud(data: bytes, header: PcdHeader, limits: Limits) -> PointCloud:
     least = _least_bytes(header)
     check_claim(least, len(data) - header.body_at, items=header.points, at_byte=header.body_at)
     check_point_limit(header.points, limits)

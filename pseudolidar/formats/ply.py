@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -25,6 +26,7 @@ from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.ply_header import PlyElement, PlyHeader, PlyProperty, parse_header
 from pseudolidar.formats.ply_items import Columns, ascii_items, binary_items
 from pseudolidar.formats.point_file import (
+    Salvaged,
     check_claim,
     check_point_limit,
     read_point_bytes,
@@ -107,8 +109,51 @@ def encode_ply(cloud: PointCloud, *, encoding: Encoding = "binary_little_endian"
 
 def decode_ply(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:
     """The cloud in the bytes of a PLY; errors as in `read_ply`."""
+    return _cloud(data, ply_header(data), limits)
+
+
+def ply_header(data: bytes) -> PlyHeader:
+    """What the header at the start of `data` says.
+
+    Raises:
+        PointFileHeader: another kind of file, or an illegal line.
+        PointFileTruncated: the file ends within it.
+    """
     refuse_other_content(data, want="PLY", kinds=("PLY cloud",))
-    header = parse_header(data)
+    return parse_header(data)
+
+
+def salvage_ply(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> Salvaged:
+    """The whole vertices of a PLY that ends early; what follows them is left out.
+
+    Raises:
+        PointFileTruncated: what precedes the vertices is not whole, or they have lists.
+        PseudolidarError: as `read_ply` of a whole file.
+    """
+    header = ply_header(data)
+    names = [e.name for e in header.elements]
+    place = names.index("vertex") if "vertex" in names else 0
+    if names.count("vertex") != 1 or header.elements[place].has_lists:
+        return Salvaged(_cloud(data, header, limits), 0)
+    before, vertex = header.elements[:place], header.elements[place]
+    if header.encoding == "ascii":
+        body = data[header.body_at : max(header.body_at, data.rfind(b"\n") + 1)]
+        lines = [line + b"\n" for line in body.split(b"\n") if line.strip()]
+        first = sum(e.count for e in before if e.properties)
+        whole = min(vertex.count, max(0, len(lines) - first))
+        data = data[: header.body_at] + b"".join(lines[: first + whole])
+    else:
+        at = header.body_at
+        for element in before:
+            _, at = binary_items(data, at, element, vertices=vertex.count)
+        size = max(1, vertex.smallest_bytes)
+        whole = min(vertex.count, (len(data) - at) // size)
+        data = data[: at + whole * size]
+    part = replace(header, elements=(*before, replace(vertex, count=whole)))
+    return Salvaged(_cloud(data, part, limits), vertex.count)
+
+
+def _cloud(data: bytes, header: PlyHeader, limits: Limits) -> PointCloud:
     vertices = [e for e in header.elements if e.name == "vertex"]
     if len(vertices) != 1:
         raise PointFileField(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 from pseudolidar.errors import (
@@ -15,10 +16,24 @@ from pseudolidar.errors import (
 from pseudolidar.formats.image_kinds import content_kind
 from pseudolidar.formats.limits import Limits
 from pseudolidar.formats.whole_read import read_whole
+from pseudolidar.structures.cloud import PointCloud
 
 # Longest text header that is believed, bytes; real ones are below 2 kB.
 MAX_HEADER_BYTES = 64 * 1024
 _COUNT = re.compile(r"[0-9]{1,18}")
+
+
+@dataclass(frozen=True, eq=False)
+class Salvaged:
+    """What is whole of a file that ends early.
+
+    Args:
+        cloud: its whole points, in file order; not organised.
+        claimed: points that the file should hold.
+    """
+
+    cloud: PointCloud
+    claimed: int
 
 
 def read_point_bytes(path: Path) -> bytes:
@@ -54,7 +69,7 @@ def refuse_other_content(data: bytes, *, want: str, kinds: tuple[str, ...]) -> N
         raise PointFileHeader(
             f"content that is a {found}",
             want=f"a {want} file, as its name says",
-            fix="Give the file the extension of its content.",
+            fix="Give the file the extension of its content; --sniff reads clouds by it.",
             where="byte 0",
         )
 

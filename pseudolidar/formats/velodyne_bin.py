@@ -14,7 +14,7 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.point_file import check_point_limit, read_point_bytes
+from pseudolidar.formats.point_file import check_point_limit, read_point_bytes, refuse_other_content
 from pseudolidar.structures.arrays import AnyArray, Bool, Float32
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.frame import LidarScan
@@ -46,6 +46,7 @@ def read_velodyne_bin(
     timestamp_ns: int = 0,
     frame: str = "velodyne",
     record_bytes: int = POINT_BYTES,
+    salvage: bool = False,
     limits: Limits = DEFAULT_LIMITS,
 ) -> LidarScan:
     """Read a scan; points that no LiDAR can have measured are left out and counted.
@@ -55,6 +56,7 @@ def read_velodyne_bin(
         timestamp_ns: time of the scan, which the format does not hold.
         frame: frame of the points.
         record_bytes: bytes of a point where values follow the four, which are not read.
+        salvage: leave out a fraction of a point at the end, instead of refusing the file.
         limits: cap on the points.
 
     Raises:
@@ -64,7 +66,10 @@ def read_velodyne_bin(
         LimitError: more points than `limits.points`.
     """
     try:
-        values = _values(read_point_bytes(path), record_bytes, limits)
+        data = read_point_bytes(path)
+        if salvage:
+            data = data[: len(data) - len(data) % max(1, record_bytes)]
+        values = _values(data, record_bytes, limits)
     except PseudolidarError as error:
         raise error.located(path) from error.__cause__
     good = _plausible(values[:, :3]) & np.isfinite(values[:, 3])
@@ -125,6 +130,8 @@ def _rows(values: Float32, good: Bool) -> Float32:
 
 def _values(data: bytes, record_bytes: int, limits: Limits) -> Float32:
     """(N, 4) float32."""
+    if data:
+        refuse_other_content(data, want="Velodyne", kinds=())
     if record_bytes < POINT_BYTES or record_bytes % 4:
         raise StructureError(
             f"records of {record_bytes} bytes", want="16 or more, a multiple of 4", where=".bin"

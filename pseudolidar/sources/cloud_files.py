@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import ClassVar
 
 from pseudolidar.errors import PointFileMissing, PseudolidarError, SourceEmpty
-from pseudolidar.formats.cloud_file import FORMATS, format_of, is_cloud_file, read_cloud
+from pseudolidar.formats.cloud_file import FORMATS, CloudReading, format_of, is_cloud_file
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.timestamps import read_times, read_timestamps
+from pseudolidar.formats.velodyne_bin import POINT_BYTES
 from pseudolidar.sources.names import natural_key, safe_id, stamp_unit_ns, time_of_name_ns
 from pseudolidar.sources.source import SourceSummary
 from pseudolidar.sources.stamps import FrameTimes, read_frame_times, synthetic_times
@@ -35,13 +36,24 @@ class CloudFiles:
         path: folder or file.
         rate_hz: frames a second, where no times are known.
         synthetic_times: number the frames by the rate, whatever times are known.
+        sniff: go by the content of the files where it and the extension disagree.
+        salvage: of a file that ends early take the whole points, and say so.
+        record_size: bytes of a point of a .bin: 20 where a value follows the four.
         limits: caps on the files.
     """
 
     path: str
     rate_hz: float = 10.0
     synthetic_times: bool = False
+    sniff: bool = False
+    salvage: bool = False
+    record_size: int = POINT_BYTES
     limits: Limits = DEFAULT_LIMITS
+
+    @property
+    def reading(self) -> CloudReading:
+        """How the files are read."""
+        return CloudReading(self.sniff, self.salvage, self.record_size)
 
     def open(self) -> CloudFileSource:
         """List the files and read their times.
@@ -65,6 +77,7 @@ class CloudFiles:
             refused=tuple(refused),
             files=tuple(files),
             times_known=noted,
+            reading=self.reading,
             limits=self.limits,
         )
 
@@ -87,6 +100,7 @@ class CloudFileSource:
         refused: files that cannot be read, with the reason.
         files: by frame.
         times_known: whether the times are of the data; made up ones do not go into clouds.
+        reading: how the files are read.
         limits: caps on the files.
     """
 
@@ -96,6 +110,7 @@ class CloudFileSource:
     refused: tuple[tuple[str, PseudolidarError], ...]
     files: tuple[Path, ...]
     times_known: bool
+    reading: CloudReading = CloudReading()
     limits: Limits = DEFAULT_LIMITS
     rig: ClassVar[None] = None
     yields: ClassVar = RecordedCloud
@@ -107,10 +122,12 @@ class CloudFileSource:
             PointFileMissing, PointFileTruncated, PointFileCorrupt, PointFileField, LimitError: as
                 the reader of its format.
         """
-        cloud = read_cloud(self.files[index], limits=self.limits)
+        cloud, notes = self.reading.read(self.files[index], limits=self.limits)
         if self.times_known and not cloud.timestamp_ns:
             cloud = replace(cloud, timestamp_ns=self.timestamps_ns[index])
-        return RecordedCloud(cloud, self.ids[index], index, self.timestamps_ns[index])
+        return RecordedCloud(
+            cloud, self.ids[index], index, self.timestamps_ns[index], notes=tuple(notes)
+        )
 
 
 @dataclass(frozen=True)
@@ -173,7 +190,7 @@ def _times(
     stated: list[int] = []
     for file in files:
         try:
-            stated.append(format_of(file).time_ns(file))
+            stated.append(settings.reading.format_of(file).time_ns(file))
         except PseudolidarError as error:
             broken[file] = error
     good = [number for number, file in enumerate(files) if file not in broken]
