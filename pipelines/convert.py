@@ -26,6 +26,7 @@ from pseudolidar.running.outputs import Outputs, folder_of
 from pseudolidar.running.product import Product
 from pseudolidar.running.recording import RecordingPlan
 from pseudolidar.running.rehearsal import Rehearsal, fitting, rehearse
+from pseudolidar.running.removed import removed_lines
 from pseudolidar.running.results import RunResult
 from pseudolidar.running.run import Run
 from pseudolidar.running.samples import sampled_frames
@@ -37,6 +38,7 @@ from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select, whole
 from pseudolidar.sources.source import FrameSequence, nearest_depth_m, pairs_of
 from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.clean import Clean, Cleaner
 from pseudolidar.stereo.filled_map import Surfaces
 from pseudolidar.stereo.given_maps import GivenMaps, StoredSteps
 from pseudolidar.stereo.map_filter import MapFilters
@@ -74,6 +76,8 @@ class Convert:
             ply:ascii, bin, npz, disparity, depth, mcap; kitti (training tree of OpenPCDet and
             MMDetection3D), colmap (cameras, poses and points for splatting tools).
         matcher: how disparities are found.
+        clean: what is removed of the disparities because it is no surface; `none` keeps all. Maps
+            given by --disparity and --depth are taken as they are.
         temporal: how disparities are fused with those of the frames before; needs poses.
         smooth: how disparities are smoothed before they become points.
         fill: how holes between matched pixels are filled.
@@ -112,6 +116,7 @@ class Convert:
     out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out")
     to: Outputs = field(default_factory=lambda: Outputs(("pcd",)))
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
+    clean: Clean | None = field(default_factory=Clean)
     temporal: Kalman | None = None
     smooth: Fgs | None = None
     fill: Surfaces | None = None
@@ -189,6 +194,7 @@ class ConvertFrame:
 
     Args:
         matcher: pair to disparity.
+        clean: disparity without what is no surface.
         refine: disparity to a smoother or denser one.
         reproject: disparity to points.
         frame: coordinate frame of the clouds, None for the usual one of what a frame knows.
@@ -199,6 +205,7 @@ class ConvertFrame:
     """
 
     matcher: StereoMatcher
+    clean: Cleaner
     refine: MapFilters
     reproject: Reprojector
     frame: CloudFrame | None
@@ -220,13 +227,14 @@ class ConvertFrame:
         given = given_maps(job.given, source)
         matcher: StereoMatcher = given or job.matcher.load(min_depth_m=nearest_m)
         reproject = job.reproject.load()
+        clean = Cleaner.load(None if given else job.clean)
         refine = MapFilters.load(job.smooth, job.fill)
         if job.temporal is not None:
             fuse = job.temporal.load(matcher, pairs_of(whole(source)))
             matcher, refine = fuse.sightings, refine.after(fuse)
         trees = Trees.of(job.to.trees, job.kitti, job.colmap, source)
         shown = sampled_frames(source.ids)
-        return cls(matcher, refine, reproject, job.frame, job.to, job.mcap, trees, shown)
+        return cls(matcher, clean, refine, reproject, job.frame, job.to, job.mcap, trees, shown)
 
     def __call__(self, frame: Frame) -> Product:
         """Match and reproject a pair, reproject depth, take a cloud as it is; encode.
@@ -255,16 +263,19 @@ class ConvertFrame:
         return 0.0 if isinstance(inner, GivenMaps) else MIN_DENSITY
 
     def pair(self, frame: StereoFrame) -> Converted:
-        """Match, refine, reproject."""
+        """Match, clean, refine, reproject."""
         check_pair(frame)
         matched = self.matcher(frame)
         check_texture(frame, matched, least=self.least_density)
-        disparity, counts = self.refine(frame, matched)
+        cleaned = self.clean(frame, matched)
+        disparity, counts = self.refine(frame, cleaned.disparity)
         depth = depth_map(disparity, frame.rig)
         frame = replace(frame, notes=(*frame.notes, *scale_notes(frame, disparity, depth)))
         cloud = self.reproject(frame, disparity)
         placed = cloud.transformed(left_in(frame.rig, self.frame or default_frame(frame.rig)))
-        return Converted(frame, placed, disparity, depth, counts)
+        return Converted(
+            frame, placed, disparity, depth, {**cleaned.counts, **counts}, cleaned.reason
+        )
 
 
 def opened(job: Convert) -> FrameSequence[Frame]:
@@ -317,6 +328,7 @@ class ConvertReport:
             if "density" in figures:
                 matched = f", {figures['density']['mean']:.1%} of the pixels matched"
             lines.append(f"  {figures['points']['mean']:.0f} points a frame{matched}")
+            lines += [f"  {line}" for line in removed_lines(figures)]
         opens = [self.out / folder_of(kind) for kind in (*self.to.files, *self.to.trees)]
         opens += sorted(self.out.glob("*.mcap")) if self.to.recording else []
         opens.append(self.page)

@@ -17,6 +17,7 @@ from pseudolidar.evaluation.pictures import (
 )
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.running.encoders import DEPTH_BIN_M
+from pseudolidar.running.removed import KEPT, REMOVED, colours_text, removed_lines, removed_picture
 from pseudolidar.running.results import RunResult
 from pseudolidar.running.samples import TOP_AHEAD_M, TOP_ASIDE_M, FrameSample, read_samples
 from pseudolidar.structures.camera import StereoRig
@@ -76,7 +77,12 @@ def _overview(
         rows.append(("density", f"{means['density']:.1%} of the pixels, mean over frames"))
     if means:
         rows.append(("points", f"{means['points']:,.0f} a frame"))
-    counts = [name for name in means if name.startswith(("pixels_", "points_"))]
+    rows += [("removed", line.partition(": ")[2]) for line in removed_lines(result.figures)]
+    counts = [
+        name
+        for name in means
+        if name.startswith(("pixels_", "points_")) and not name.startswith((REMOVED, KEPT))
+    ]
     rows += [(name.replace("_", " "), f"{means[name]:,.0f} a frame") for name in counts]
     if "sigma_m_median" in means:
         rows.append(("sigma of a point", f"{means['sigma_m_median']:.3f} m, median"))
@@ -178,10 +184,11 @@ def _contact_sheet(samples: Mapping[str, FrameSample]) -> list[Section]:
     rows = [_sample_row(name, sample, max_px) for name, sample in samples.items()]
     if not len(pixels):
         return [Section("Frames", _TOP_TEXT, pictures=rows)]
+    gone = colours_text(samples.values())
     text = (
         f"Photo; disparity from 0 (blue) to {max_px:.0f} px (red), black where there is none; "
         "error against the ground truth where there is one (blue: within 3 px or 5 %, red: worse, "
-        f"white: no disparity). {_TOP_TEXT}"
+        f"white: no disparity). {gone}{_TOP_TEXT}"
     )
     return [Section("Frames", text, pictures=rows)]
 
@@ -195,6 +202,9 @@ def _sample_row(name: str, sample: FrameSample, max_px: float) -> PictureRow:
         if np.isfinite(disparity).any():
             shown = disparity_picture(disparity, max_px)
             pictures.append(Picture.exact(shown, "disparity", width=wide))
+        if sample.removed.any():
+            shown = removed_picture(sample.photo, sample.removed)
+            pictures.append(Picture.exact(shown, "removed", width=wide))
         if np.isfinite(truth).any():
             pictures.append(Picture.exact(error_picture(disparity, truth), "error", width=wide))
     top = thicker(top_picture(sample.top), TOP_SCALE)

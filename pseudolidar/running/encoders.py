@@ -22,6 +22,7 @@ from pseudolidar.running.product import Product
 from pseudolidar.running.record import OutputFile
 from pseudolidar.running.samples import FrameSample, sample_name
 from pseudolidar.running.trees import Trees
+from pseudolidar.structures.arrays import UInt8
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from pseudolidar.structures.frame import StereoFrame
@@ -48,6 +49,7 @@ class Converted:
         disparity: of the left image of a pair.
         depth: of the left image, or of the only one.
         counts: what filters did, by name, for the report.
+        removed: (H, W) why cleaning removed a pixel, as `stereo.clean.Cleaned.reason`.
     """
 
     frame: Frame
@@ -55,6 +57,7 @@ class Converted:
     disparity: DisparityMap | None = None
     depth: DepthMap | None = None
     counts: Mapping[str, int] = field(default_factory=dict)
+    removed: UInt8 | None = None
 
     @property
     def forward_cloud(self) -> PointCloud:
@@ -97,7 +100,9 @@ def encoded(
     ]
     files += trees.files(frame, converted.cloud)
     if sampled:
-        sample = FrameSample.of(frame, converted.disparity, converted.forward_cloud)
+        sample = FrameSample.of(
+            frame, converted.disparity, converted.forward_cloud, removed=converted.removed
+        )
         files.append(OutputFile.of(sample_name(frame.id), sample.encode()))
     parts = packed(converted, content) if outputs.recording else {}
     return Product(tuple(files), parts, figures(converted))
@@ -133,7 +138,8 @@ def figures(converted: Converted) -> dict[str, Any]:
     }
     if converted.depth is not None:
         known = converted.depth.valid if converted.disparity is None else converted.disparity.valid
-        found["density"] = float(known.mean())
+        matched = known if converted.removed is None else known | (converted.removed > 0)
+        found["density"] = float(matched.mean())
         found["pixels_without_disparity"] = int(known.size - np.count_nonzero(known))
     sigma_m = None if cloud.sigma_m is None else cloud.sigma_m[::SIGMA_STEP]
     if sigma_m is not None and np.isfinite(sigma_m).any():

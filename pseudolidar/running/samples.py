@@ -43,6 +43,7 @@ class FrameSample:
         photo: (h, w, 3) or (h, w) uint8, the left image; (0, 0) where there is none.
         disparity: (h, w) float16 px of the full-size image, NaN where there is none.
         truth: (h, w) float16 px, ground truth; NaN everywhere where there is none.
+        removed: (h, w) uint8 why cleaning removed a pixel, 0 where it did not.
         top: (160, 160) uint16 points in each square of 0.5 m: rows from far (80 m) to near,
             columns from left (40 m) to right.
     """
@@ -50,16 +51,25 @@ class FrameSample:
     photo: UInt8
     disparity: Float16
     truth: Float16
+    removed: UInt8
     top: UInt16
 
     @classmethod
-    def of(cls, frame: Frame, disparity: DisparityMap | None, forward_cloud: PointCloud) -> Self:
+    def of(
+        cls,
+        frame: Frame,
+        disparity: DisparityMap | None,
+        forward_cloud: PointCloud,
+        *,
+        removed: UInt8 | None = None,
+    ) -> Self:
         """Reduced by taking every n-th pixel: nothing is smeared, nothing invented.
 
         Args:
             frame: the frame.
             disparity: of its left image, where it is a pair.
             forward_cloud: points in a frame with x forward, y left.
+            removed: (H, W) why a pixel of the left image was removed.
         """
         photo = _photo(frame)
         unknown = np.full(photo.shape[:2], np.nan, np.float32)
@@ -70,7 +80,9 @@ class FrameSample:
             for m in (disparity, truth)
         )
         small = np.ascontiguousarray(photo[::step, ::step])
-        return cls(small, disparities, true, top_view(forward_cloud))
+        whole = np.zeros(photo.shape[:2], np.uint8) if removed is None else removed
+        gone = np.ascontiguousarray(whole[::step, ::step])
+        return cls(small, disparities, true, gone, top_view(forward_cloud))
 
     def encode(self) -> bytes:
         """The sample as the bytes of an NPZ; the same bytes for the same sample."""

@@ -20,6 +20,11 @@ def grey8_pair(left: Image, right: Image) -> tuple[UInt8, UInt8]:
     return _grey8(left, shift), _grey8(right, shift)
 
 
+def grey8_left(left: Image, right: Image) -> UInt8:
+    """The left image of a pair as `grey8_pair` makes it."""
+    return _grey8(left, shift_to_8_bits(left, right))
+
+
 def shift_to_8_bits(*images: Image) -> int:
     """Bits that the brightest pixel of a pair has beyond 8; 0 for 8-bit images."""
     if images[0].dtype == np.uint8:

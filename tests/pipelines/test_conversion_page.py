@@ -29,7 +29,8 @@ def test_page_is_self_contained_and_its_pictures_open(drive, tmp_path):
     assert not re.findall(r"(?:src|href)=\"(?!data:)", page)
     photos, maps = embedded(page, "image/jpeg"), embedded(page, "image/png")
     assert len(photos) == 12  # a sample of the 14 frames
-    assert len(maps) == 2 * 12  # disparity and top view; there is no ground truth
+    assert len(maps) == 3 * 12  # disparity, removed and top view; there is no ground truth
+    assert "Removed pixels by reason: sky cyan" in page
     for data in (*photos, *maps):
         picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
         assert picture.std() > 1
