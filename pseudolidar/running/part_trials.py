@@ -66,7 +66,8 @@ def matcher() -> str:
 
 
 def filters() -> str:
-    """Compile or load the kernels of the optional filters, and filter a wall."""
+    """Compile or load the kernels of cleaning and of the optional filters, and filter a wall."""
+    from pseudolidar.stereo.clean import Clean
     from pseudolidar.stereo.filled_map import Surfaces
     from pseudolidar.stereo.map_filter import MapFilters
     from pseudolidar.stereo.smoothed_map import Fgs
@@ -74,12 +75,15 @@ def filters() -> str:
     from pseudolidar.structures.disparity import DisparityMap
 
     values = np.full((_HEIGHT, _WIDTH), _SHIFT_PX, np.float32)
-    wall = MapFilters.load(Fgs(), Surfaces())(trial_frame(), DisparityMap(values)).disparity
+    frame = trial_frame()
+    wall = MapFilters.load(Fgs(), Surfaces())(frame, DisparityMap(values)).disparity
     _check(np.allclose(wall.values, _SHIFT_PX, atol=0.01), "a flat wall")
     still = _Still()
     fuse = Kalman(window=2).load(lambda _: wall, still)
     fused = fuse(still.load(1), wall).disparity
     _check(np.allclose(fused.values, _SHIFT_PX, atol=0.01), "a flat wall, seen twice")
+    cleaned = Clean().load()(frame, DisparityMap(values, np.full_like(values, 0.1)))
+    _check(not cleaned.reason[:, _SHIFT_PX:].any(), "a flat wall, cleaned")
     return "kernels compiled, a flat wall stayed flat"
 
 

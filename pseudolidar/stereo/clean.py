@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
 
-import cv2
 import numpy as np
 
 from pseudolidar.errors import StereoConfig, StructureError
@@ -178,6 +177,8 @@ class Cleaner:
 
 
 def _mark_edges(values: Float32, sigma: Float32, rig: Float64, s: Clean, reason: UInt8) -> None:
+    import cv2
+
     from pseudolidar.stereo import clean_kernels as kernels
 
     reach = kernels.EDGE_REACH
@@ -221,6 +222,8 @@ def _mark_edges(values: Float32, sigma: Float32, rig: Float64, s: Clean, reason:
 
 
 def _mark_sky(frame: StereoFrame, values: Float32, reason: UInt8) -> None:
+    import cv2
+
     from pseudolidar.stereo import clean_kernels, sky_kernel
 
     grey = grey8_left(frame.left, frame.right)
