@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from pseudolidar.errors import OutputError
 from pseudolidar.running.identity import prologue, source_name
 from pseudolidar.sources.source import FrameSequence
 from pseudolidar.structures.recorded import Frame
@@ -76,6 +77,8 @@ class RecordingPlan:
             return
         from pseudolidar.formats.mcap import McapLog
 
+        if self.prolog.profile == "ros2":
+            check_no_other_bag(folder / BAG_METADATA, self.files.values())
         with contextlib.ExitStack() as opened:
             logs = {
                 ending: opened.enter_context(McapLog(folder / name, self.prolog, committed=frames))
@@ -88,6 +91,20 @@ class RecordingPlan:
             write_bag_metadata(
                 folder / BAG_METADATA, [folder / name for name in self.files.values()]
             )
+
+
+def check_no_other_bag(metadata: Path, names: Iterable[str]) -> None:
+    """Raise `OutputError` where the folder is a bag of other recordings than these."""
+    if not metadata.exists():
+        return
+    text = metadata.read_text(errors="replace")
+    if not all(name in text for name in names):
+        raise OutputError(
+            "a ROS 2 bag of other recordings is in this folder",
+            want="one bag in a folder",
+            fix="Choose another output folder.",
+            path=metadata,
+        )
 
 
 class Recording:
