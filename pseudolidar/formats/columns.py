@@ -36,6 +36,7 @@ _STORED_AS = {"bool": "uint8", "float16": "float32"}
 _NOTED_DTYPES = (*_STORED_AS, "int64", "uint64")
 _NAME = re.compile(r"[\x21-\x22\x24-\x7e]+")  # printable ASCII without blank and #
 _TAG = "pseudolidar"
+DTYPE_LINE = f"{_TAG} dtype "
 _MAX_NOTE_CHARS = 1000  # rply, which many programs read PLY with, takes lines of 1024
 
 
@@ -69,6 +70,20 @@ class Notes:
             facts.append(("shape", list(self.shape)))
         facts += [("dtype", [name, dtype]) for name, dtype in self.dtypes.items()]
         return [f"{_TAG} {key} {json.dumps(value)}" for key, value in facts]
+
+
+def dtype_lines(dtypes: Mapping[str, str]) -> list[str]:
+    """The lines that note dtypes which a format cannot hold."""
+    return [line for line in Notes(dtypes=dtypes).lines() if line.startswith(DTYPE_LINE)]
+
+
+def restored(column: AnyArray, dtype: str) -> AnyArray:
+    """A column in the dtype that it was noted to have, where that holds all its values."""
+    with np.errstate(all="ignore"):
+        narrow = column.astype(dtype)
+        back = narrow.astype(column.dtype)
+    same = np.array_equal(back, column, equal_nan=column.dtype.kind == "f")
+    return narrow if same else column
 
 
 def notes_of(cloud: PointCloud, dtypes: Mapping[str, str]) -> Notes:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pseudolidar.errors import SequenceTime, StructureError
+from pseudolidar.formats.columns import dtype_lines
 from pseudolidar.formats.image import encode_jpeg, encode_png
-from pseudolidar.formats.mcap_columns import cloud_columns, scan_columns
+from pseudolidar.formats.mcap_columns import WIDENED, cloud_columns, scan_columns
 from pseudolidar.formats.mcap_content import DEFAULT_CONTENT, McapContent
 from pseudolidar.formats.mcap_items import (
     Boxes,
@@ -265,6 +266,10 @@ def _cloud(
             )
             yield Item(Kind.NOTE, Note(text, frame.id))
     columns = cloud_columns(cloud, pixels=content.pixels)
+    # Messages lack these dtypes; the lines give them back to columns that are read again.
+    widened = {name: c.dtype.name for name, c in columns.items() if c.dtype.name in WIDENED}
+    for line in dtype_lines(widened):
+        yield Item(Kind.NOTE, Note(line, frame.id))
     kind = CLOUD_KINDS[content.cloud_format, stereo]
     yield Item(kind, Points(columns, cloud.frame, cloud.timestamp_ns))
 

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from pseudolidar.errors import NoPairs
+from pseudolidar.errors import NoPairs, StructureError
 from pseudolidar.formats.depth_png import encode_depth_png
 from pseudolidar.formats.disparity_png import encode_disparity_png
 from pseudolidar.formats.mcap_content import McapContent
 from pseudolidar.formats.npz import encode_npz
 from pseudolidar.formats.pcd import encode_pcd
 from pseudolidar.formats.ply import encode_ply
-from pseudolidar.formats.velodyne_bin import encode_velodyne_bin
+from pseudolidar.formats.velodyne_bin import LARGEST_COORDINATE_M, encode_velodyne_bin
 from pseudolidar.geometry.cloud_frames import forward_frame, left_in, turned_forward
 from pseudolidar.running.outputs import Outputs, file_name
 from pseudolidar.running.product import Product
@@ -25,8 +25,8 @@ from pseudolidar.running.trees import Trees
 from pseudolidar.structures.arrays import UInt8
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
-from pseudolidar.structures.frame import StereoFrame
-from pseudolidar.structures.recorded import Frame
+from pseudolidar.structures.frame import LidarScan, StereoFrame
+from pseudolidar.structures.recorded import Frame, RecordedCloud
 
 if TYPE_CHECKING:
     from pseudolidar.formats.mcap_frame import FramePart
@@ -74,7 +74,7 @@ ENCODERS: Mapping[str, Callable[[Converted], bytes]] = {
     "pcd:ascii": lambda converted: encode_pcd(converted.cloud, encoding="ascii"),
     "ply": lambda converted: encode_ply(converted.cloud),
     "ply:ascii": lambda converted: encode_ply(converted.cloud, encoding="ascii"),
-    "bin": lambda converted: encode_velodyne_bin(converted.forward_cloud),
+    "bin": lambda converted: encode_velodyne_bin(_scan_points(converted)),
     "npz": lambda converted: encode_npz(converted.cloud),
     "disparity": lambda converted: encode_disparity_png(_known(converted, converted.disparity)),
     "depth": lambda converted: encode_depth_png(_known(converted, converted.depth)),
@@ -105,7 +105,8 @@ def encoded(
         )
         files.append(OutputFile.of(sample_name(frame.id), sample.encode()))
     parts = packed(converted, content) if outputs.recording else {}
-    return Product(tuple(files), parts, figures(converted))
+    notes = losses_in_bin(converted) if "bin" in outputs.files else ()
+    return Product(tuple(files), parts, figures(converted, notes))
 
 
 def packed(converted: Converted, content: McapContent) -> dict[str, FramePart]:
@@ -128,8 +129,48 @@ def packed(converted: Converted, content: McapContent) -> dict[str, FramePart]:
     }
 
 
-def figures(converted: Converted) -> dict[str, Any]:
-    """Statistics of a frame for the report, plain JSON values."""
+def _scan_points(converted: Converted) -> PointCloud | LidarScan:
+    """What a `.bin` is made of: of a stereo cloud what is ahead, of a ready-made one all points.
+
+    Raises:
+        StructureError: not one point is near enough for the format.
+    """
+    cloud = converted.forward_cloud
+    if not isinstance(converted.frame, RecordedCloud):
+        return cloud
+    reflectance = cloud.intensity
+    if reflectance is None and "intensity" in cloud.extra:
+        reflectance = cloud.extra["intensity"].astype(np.float32)
+    near = (np.abs(cloud.xyz) <= LARGEST_COORDINATE_M).all(axis=1)  # False for NaN
+    if cloud.valid.any() and not near.any():
+        raise StructureError(
+            f"{len(cloud)} points, each beyond {LARGEST_COORDINATE_M:g} m",
+            want="coordinates of a sensor",
+            fix="Write ply or npz: they keep coordinates of maps (float64).",
+            where=f"frame {converted.frame.id}, .bin",
+        )
+    return LidarScan(cloud.xyz.astype(np.float32, copy=False), reflectance)
+
+
+def losses_in_bin(converted: Converted) -> tuple[str, ...]:
+    """What a `.bin` of a ready-made cloud cannot hold, for the report."""
+    if not isinstance(converted.frame, RecordedCloud):
+        return ()
+    cloud = converted.cloud
+    own = ("rgb", "sigma_m", "uv")
+    lost = [name for name in own if getattr(cloud, name) is not None]
+    lost += [name for name in cloud.extra if name != "intensity" or cloud.intensity is not None]
+    notes = [f".bin without the columns {', '.join(lost)}"] if lost else []
+    if cloud.xyz.dtype == np.float64:
+        notes.append(".bin with coordinates rounded to float32")
+    far = np.count_nonzero(cloud.valid & (np.abs(cloud.xyz) > LARGEST_COORDINATE_M).any(axis=1))
+    if far:
+        notes.append(f".bin without {far} points beyond {LARGEST_COORDINATE_M:g} m")
+    return tuple(notes)
+
+
+def figures(converted: Converted, notes: Sequence[str] = ()) -> dict[str, Any]:
+    """Statistics of a frame for the report, plain JSON values; `notes` besides the frame's own."""
     cloud = converted.cloud
     found: dict[str, Any] = {
         "points": len(cloud) if cloud.shape is None else int(np.count_nonzero(cloud.valid)),
@@ -144,8 +185,8 @@ def figures(converted: Converted) -> dict[str, Any]:
     sigma_m = None if cloud.sigma_m is None else cloud.sigma_m[::SIGMA_STEP]
     if sigma_m is not None and np.isfinite(sigma_m).any():
         found["sigma_m_median"] = float(np.nanmedian(sigma_m))
-    if converted.frame.notes:
-        found["notes"] = list(converted.frame.notes)
+    if converted.frame.notes or notes:
+        found["notes"] = [*converted.frame.notes, *notes]
     return found
 
 

@@ -7,15 +7,19 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 from pseudolidar.errors import PseudolidarError, RecordingError, UsageError
-from pseudolidar.formats.mcap_channels import FRAME, SCAN, STEREO_POINTS
+from pseudolidar.formats.columns import DTYPE_LINE, parse_notes, restored
+from pseudolidar.formats.mcap_channels import FRAME, LOG, SCAN, STEREO_POINTS
 from pseudolidar.formats.recorded_messages import CloudMessage, Mark
 from pseudolidar.sources.names import safe_id
 from pseudolidar.sources.recording_frames import RecordedFrames
 from pseudolidar.sources.recording_topics import HEAD_BYTES, Topic, Topics
 from pseudolidar.sources.source import SourceSummary
+from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.recorded import RecordedCloud
 
 ID_DIGITS = 6
+# Behind the name of a frame that comes again; no safe name has it at that place otherwise.
+AGAIN = "~again"
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +35,7 @@ class RecordedClouds:
         clouds: the topic.
         marks: number of the mark of each frame, -1 for none.
         mark_topic: topic of the marks, None in recordings of others.
+        log: topic of lines about the frames, None in recordings of others.
     """
 
     summary: SourceSummary
@@ -41,6 +46,7 @@ class RecordedClouds:
     clouds: Topic = field(repr=False)
     marks: tuple[int, ...] = field(default=(), repr=False)
     mark_topic: Topic | None = field(default=None, repr=False)
+    log: Topic | None = field(default=None, repr=False)
     refused: tuple[tuple[str, PseudolidarError], ...] = ()
     rig: ClassVar[None] = None
     yields: ClassVar = RecordedCloud
@@ -59,24 +65,40 @@ class RecordedClouds:
         """
         stamp_ns, filed_ns = self.timestamps_ns[index], int(self.clouds.times_ns[index])
         places = [self.clouds.place(index), *self.frames.places(stamp_ns, filed_ns)]
-        marked = self.mark_topic is not None and self.marks[index] >= 0
-        if self.mark_topic is not None and marked:
+        if self.mark_topic is not None and self.marks[index] >= 0:
             places.append(self.mark_topic.place(self.marks[index]))
+        if self.log is not None:
+            places += self.log.filed_at(filed_ns)
         message, *others = self.topics.read(places)
         if not isinstance(message, CloudMessage):
-            raise RecordingError(f"no cloud on {self.clouds.name}", want="a cloud")
-        mark = others.pop() if marked else None
-        if isinstance(mark, Mark) and safe_id(mark.name) != self.ids[index].partition("~")[0]:
+            raise RecordingError("a message that is no cloud", want="one", where=self.clouds.name)
+        lines = [other for other in others if isinstance(other, Mark)]
+        if self.mark_topic is not None and self.marks[index] >= 0:
+            self._check_mark(lines[0], index)
+        cloud = with_dtypes(message.cloud, [line.text for line in lines])
+        if not cloud.timestamp_ns:
+            cloud = replace(cloud, timestamp_ns=stamp_ns)
+        tree = self.frames.tree(others, stamp_ns)
+        return RecordedCloud(cloud, self.ids[index], index, stamp_ns, tree, notes=message.notes)
+
+    def _check_mark(self, mark: Mark, index: int) -> None:
+        """The name was taken from bytes that were not checked; these are."""
+        if safe_id(mark.name) != self.ids[index].partition(AGAIN)[0]:
             raise RecordingError(
                 f"a frame {mark.name[:40]!r} that was called {self.ids[index]!r} before",
                 want="an undamaged recording",
                 where=self.clouds.name,
             )
-        cloud = message.cloud
-        if not cloud.timestamp_ns:
-            cloud = replace(cloud, timestamp_ns=stamp_ns)
-        tree = self.frames.tree(others, stamp_ns)
-        return RecordedCloud(cloud, self.ids[index], index, stamp_ns, tree, notes=message.notes)
+
+
+def with_dtypes(cloud: PointCloud, lines: list[str]) -> PointCloud:
+    """A cloud with extra columns in the dtypes that lines of its frame note."""
+    dtypes = parse_notes(line for line in lines if line.startswith(DTYPE_LINE)).dtypes
+    extra = {
+        name: restored(column, dtypes[name]) if name in dtypes else column
+        for name, column in cloud.extra.items()
+    }
+    return replace(cloud, extra=extra)
 
 
 def open_clouds(
@@ -102,7 +124,15 @@ def open_clouds(
     line = f"{summary.line}: {len(clouds)} clouds of {clouds.name}"
     summary = replace(summary, line=line, notes=(*summary.notes, *also, *order_note(stamps)))
     return RecordedClouds(
-        summary, marked.ids, stamps, topics, frames, clouds, marked.marks, marked.topic
+        summary,
+        marked.ids,
+        stamps,
+        topics,
+        frames,
+        clouds,
+        marked.marks,
+        marked.topic,
+        topics.named(LOG, "mark") if topics.own else None,
     )
 
 
@@ -170,7 +200,7 @@ def _unique(ids: Iterable[str]) -> tuple[str, ...]:
     found: list[str] = []
     for name in ids:
         seen[name] = seen.get(name, 0) + 1
-        found.append(name if seen[name] == 1 else f"{name}~{seen[name]}")
+        found.append(name if seen[name] == 1 else f"{name}{AGAIN}{seen[name]}")
     return tuple(found)
 
 
