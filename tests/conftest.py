@@ -7,7 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.clouds import assert_same_cloud, make_cloud, without_columns
 from tests.rerun_program import Rerun
+
+__all__ = ["assert_same_cloud", "make_cloud", "without_columns"]
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = Path(os.environ.get("PSEUDOLIDAR_DATA", ROOT.parent / "shared" / "data")).resolve()

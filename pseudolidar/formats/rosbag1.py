@@ -139,6 +139,7 @@ class _Listing:
         self._notes: list[str] = []
         # A chunk whose index records are awaited.
         self._open_chunk: _Record | None = None
+        self._indexed = False
 
     def store(self) -> Ros1Store:
         if self._file.read(len(MAGIC)) != MAGIC:
@@ -151,7 +152,9 @@ class _Listing:
                 offset = record.end
         except RecordingError as error:
             end = error
+            self._drop_index()
         self._close_chunk()
+        self._find_connections()
         known = {number: parts for number, parts in sorted(self._entries.items()) if parts}
         entries = [np.concatenate(known[n]) for n in known if n in self._connections]
         if end is not None:
@@ -209,6 +212,27 @@ class _Listing:
             return
         for number, own in rows.items():
             self._entries.setdefault(number, []).append(np.array(own, ENTRY))
+
+    def _drop_index(self) -> None:
+        """Where a file ends, the index of its last chunk may be cut: the chunk is listed itself."""
+        if self._open_chunk is not None:
+            start, self._indexed = self._open_chunk.offset, False
+            for number, parts in self._entries.items():
+                self._entries[number] = [p for p in parts if not (p["chunk"] == start).any()]
+
+    def _find_connections(self) -> None:
+        """Connections are told at the end of a bag, and in the chunk of their first message."""
+        for number, parts in self._entries.items():
+            if number in self._connections or not parts:
+                continue
+            try:
+                start = int(parts[0]["chunk"][0])
+                chunk = _read_record(self._file, start, self._state.size_bytes, self._limits)
+                for record in _inner_records(_unpacked(chunk, self._limits), start):
+                    if record.op == _OP_CONNECTION:
+                        self._connect(record)
+            except RecordingError as error:
+                self._notes.append(f"lost: a damaged chunk at {error.where} ({error.got})")
 
     def _connect(self, record: _Record) -> None:
         inner = _fields(record.data, record.offset)

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from pseudolidar.errors import PairMismatch, PseudolidarError, RecordingError
+from pseudolidar.errors import PairMismatch, PseudolidarError, RecordingError, SourceEmpty
 from pseudolidar.formats.image import DecodedImage
 from pseudolidar.formats.mcap_channels import SCAN
 from pseudolidar.formats.raw_picture import picture_pixels
@@ -146,9 +146,14 @@ def open_pairs(
         summary: what the recording is; lines about the pairs are added.
         tolerance_s: largest difference of the stamps of a pair.
         first_tree: transforms at its beginning.
+
+    Raises:
+        SourceEmpty: no two pictures are near enough in time.
     """
     left_ns, right_ns = (topics.stamps_ns(eye.topic) for eye in (pair.left, pair.right))
     numbers = nearest_pairs(left_ns, right_ns, round(tolerance_s * NS_PER_S))
+    if not numbers:
+        raise _never_together(pair, left_ns, right_ns, tolerance_s)
     marked = marked_ids(topics, pair.left.topic)
     ids = marked.ids
     stamps = np.array([left_ns[number] for number, _ in numbers], np.int64)
@@ -182,6 +187,18 @@ def open_pairs(
         scan_numbers=scan_numbers,
         mark_topic=marked.topic,
         marks=tuple(marked.marks[number] for number, _ in numbers) if marked.topic else (),
+    )
+
+
+def _never_together(
+    pair: StereoTopics, left_ns: Int64, right_ns: Int64, tolerance_s: float
+) -> SourceEmpty:
+    apart_ms = float(np.median(np.abs(right_ns[nearest(left_ns, right_ns)] - left_ns))) / NS_PER_MS
+    return SourceEmpty(
+        f"no pair in {pair.left.topic.name} and {pair.right.topic.name}: their stamps are "
+        f"{apart_ms:.3g} ms apart",
+        want=f"stamps up to {tolerance_s * 1000:g} ms apart",
+        fix="If the scene stands still in that time, widen the tolerance: --source.tolerance-s.",
     )
 
 

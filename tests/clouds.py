@@ -1,4 +1,4 @@
-"""Clouds that the tests of point formats share."""
+"""Fixtures: clouds with everything that a careless reader or writer loses."""
 
 from __future__ import annotations
 
