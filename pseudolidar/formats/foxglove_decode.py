@@ -142,7 +142,7 @@ def odometry(message: Any) -> Transforms:
 
 def mark(message: Any) -> Mark:
     """`foxglove.Log` of the topic that marks frames."""
-    return Mark(stamp_of(message), str(message.name), str(message.message))
+    return Mark(stamp_of(message), str(message.name), str(message.message), str(message.file))
 
 
 Decode = Callable[[Any], Message]

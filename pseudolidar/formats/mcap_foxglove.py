@@ -41,7 +41,7 @@ from pseudolidar.geometry.quaternion import quaternion_wxyz
 
 def log_message(note: Note, timestamp_ns: int) -> Parts:
     """A line of the log."""
-    message = Log(level=Log.INFO, message=note.text, name=note.name)
+    message = Log(level=Log.INFO, message=note.text, name=note.name, file=note.detail)
     set_stamp(message.timestamp, timestamp_ns)
     return serialised(message)
 

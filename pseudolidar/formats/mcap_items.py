@@ -47,10 +47,12 @@ class Note:
     Args:
         text: what it says.
         name: of what.
+        detail: for programs; where the schema of logs has the name of a source file.
     """
 
     text: str
     name: str = ""
+    detail: str = ""
 
 
 @dataclass(frozen=True, eq=False)

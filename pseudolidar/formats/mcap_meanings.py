@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from pseudolidar.structures.disparity import RADIUS_95_PER_SIGMA
 
-MARK_MEANING = {"name": "frame id of the source", "sequence": "index in the source"}
+MARK_MEANING = {
+    "name": "frame id of the source",
+    "sequence": "index in the source",
+    "file": "dtypes of columns that points hold widened",
+}
 DEPTH_MEANING = {
     "unit": "mm",
     "invalid": "0",

@@ -140,7 +140,7 @@ def _pair_items(frame: StereoFrame, results: Results, content: McapContent) -> I
     tree = frame_tree(rig, frame.pose)
     known = _names(tree)
     left, right = rig.left.frame, rig.T_right_left.dst
-    yield _mark(frame, pose=frame.pose)
+    yield _mark(frame, results.cloud, pose=frame.pose)
     yield from _notes(frame, results.notes)
     yield _body_transforms(tree)
     yield from _pose(frame.pose)
@@ -168,7 +168,7 @@ def _pair_items(frame: StereoFrame, results: Results, content: McapContent) -> I
 def _depth_items(frame: DepthFrame, results: Results, content: McapContent) -> Iterator[Item]:
     camera: Camera = frame.camera
     name = camera.frame
-    yield _mark(frame, pose=frame.pose)
+    yield _mark(frame, results.cloud, pose=frame.pose)
     yield from _notes(frame, results.notes)
     yield _body_transforms(camera_tree(camera, frame.pose))
     yield from _pose(frame.pose)
@@ -184,7 +184,7 @@ def _depth_items(frame: DepthFrame, results: Results, content: McapContent) -> I
 def _cloud_items(frame: RecordedCloud, results: Results, content: McapContent) -> Iterator[Item]:
     cloud = frame.cloud if results.cloud is None else results.cloud
     tree = component(frame.tree, cloud.frame)
-    yield Item(Kind.MARK, Note(_mark_text(frame), frame.id))
+    yield Item(Kind.MARK, Note(_mark_text(frame), frame.id, _dtypes(cloud)))
     yield from _notes(frame, results.notes)
     if tree:
         yield Item(Kind.TRANSFORMS, Transforms(tree))
@@ -204,10 +204,18 @@ def _mark_text(frame: Frame) -> str:
     return f"frame {frame.id}, index {frame.index}"
 
 
-def _mark(frame: StereoFrame | DepthFrame, *, pose: Pose | None) -> Item:
+def _mark(frame: StereoFrame | DepthFrame, cloud: PointCloud | None, *, pose: Pose | None) -> Item:
     text = _mark_text(frame)
     unknown = "" if pose else ", no pose: map, odom and base_link coincide"
-    return Item(Kind.MARK, Note(text + unknown, frame.id))
+    return Item(Kind.MARK, Note(text + unknown, frame.id, _dtypes(cloud)))
+
+
+def _dtypes(cloud: PointCloud | None) -> str:
+    """Lines about columns whose dtype messages lack, so that they can be read as they were."""
+    columns = {} if cloud is None else cloud.extra
+    return "\n".join(
+        dtype_lines({n: c.dtype.name for n, c in columns.items() if c.dtype.name in WIDENED})
+    )
 
 
 def _notes(frame: Frame, notes: Sequence[str]) -> Iterator[Item]:
@@ -266,10 +274,6 @@ def _cloud(
             )
             yield Item(Kind.NOTE, Note(text, frame.id))
     columns = cloud_columns(cloud, pixels=content.pixels)
-    # Messages lack these dtypes; the lines give them back to columns that are read again.
-    widened = {name: c.dtype.name for name, c in columns.items() if c.dtype.name in WIDENED}
-    for line in dtype_lines(widened):
-        yield Item(Kind.NOTE, Note(line, frame.id))
     kind = CLOUD_KINDS[content.cloud_format, stereo]
     yield Item(kind, Points(columns, cloud.frame, cloud.timestamp_ns))
 

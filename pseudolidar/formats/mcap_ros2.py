@@ -82,7 +82,7 @@ def qos_profile(*, transient_local: bool = False) -> str:
 def log_message(note: Note, time_ns: int) -> Parts:
     """A line of the log."""
     values = {"stamp": stamp(time_ns), "level": INFO, "name": note.name, "msg": note.text}
-    return encode_ros2("rcl_interfaces/Log", values)
+    return encode_ros2("rcl_interfaces/Log", values | {"file": note.detail})
 
 
 def moving_message(tree: Transforms, time_ns: int) -> Parts | None:

@@ -137,11 +137,13 @@ class Mark:
         stamp_ns: time of the frame.
         name: id of the frame.
         text: what else it says.
+        detail: lines about the cloud of the frame.
     """
 
     stamp_ns: int
     name: str
     text: str
+    detail: str = ""
 
 
 Message = EncodedPicture | RawPicture | CameraInfo | CloudMessage | Transforms | Mark

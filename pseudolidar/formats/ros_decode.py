@@ -114,7 +114,7 @@ def odometry(message: Any) -> Transforms:
 
 def mark(message: Any) -> Mark:
     """`rcl_interfaces/Log` of the topic that marks frames."""
-    return Mark(_time(message.stamp), str(message.name), str(message.msg))
+    return Mark(_time(message.stamp), str(message.name), str(message.msg), str(message.file))
 
 
 Decode = Callable[[Any], Message]

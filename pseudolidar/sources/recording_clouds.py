@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from pseudolidar.errors import PseudolidarError, RecordingError, UsageError
 from pseudolidar.formats.columns import DTYPE_LINE, parse_notes, restored
-from pseudolidar.formats.mcap_channels import FRAME, LOG, SCAN, STEREO_POINTS
+from pseudolidar.formats.mcap_channels import FRAME, SCAN, STEREO_POINTS
 from pseudolidar.formats.recorded_messages import CloudMessage, Mark
 from pseudolidar.sources.names import safe_id
 from pseudolidar.sources.recording_frames import RecordedFrames
@@ -35,7 +35,6 @@ class RecordedClouds:
         clouds: the topic.
         marks: number of the mark of each frame, -1 for none.
         mark_topic: topic of the marks, None in recordings of others.
-        log: topic of lines about the frames, None in recordings of others.
     """
 
     summary: SourceSummary
@@ -46,7 +45,6 @@ class RecordedClouds:
     clouds: Topic = field(repr=False)
     marks: tuple[int, ...] = field(default=(), repr=False)
     mark_topic: Topic | None = field(default=None, repr=False)
-    log: Topic | None = field(default=None, repr=False)
     refused: tuple[tuple[str, PseudolidarError], ...] = ()
     rig: ClassVar[None] = None
     yields: ClassVar = RecordedCloud
@@ -67,15 +65,13 @@ class RecordedClouds:
         places = [self.clouds.place(index), *self.frames.places(stamp_ns, filed_ns)]
         if self.mark_topic is not None and self.marks[index] >= 0:
             places.append(self.mark_topic.place(self.marks[index]))
-        if self.log is not None:
-            places += self.log.filed_at(filed_ns)
         message, *others = self.topics.read(places)
         if not isinstance(message, CloudMessage):
             raise RecordingError("a message that is no cloud", want="one", where=self.clouds.name)
-        lines = [other for other in others if isinstance(other, Mark)]
-        if self.mark_topic is not None and self.marks[index] >= 0:
-            self._check_mark(lines[0], index)
-        cloud = with_dtypes(message.cloud, [line.text for line in lines])
+        cloud = message.cloud
+        for mark in (other for other in others if isinstance(other, Mark)):
+            self._check_mark(mark, index)
+            cloud = with_dtypes(cloud, mark.detail.splitlines())
         if not cloud.timestamp_ns:
             cloud = replace(cloud, timestamp_ns=stamp_ns)
         tree = self.frames.tree(others, stamp_ns)
@@ -92,7 +88,7 @@ class RecordedClouds:
 
 
 def with_dtypes(cloud: PointCloud, lines: list[str]) -> PointCloud:
-    """A cloud with extra columns in the dtypes that lines of its frame note."""
+    """A cloud with extra columns in the dtypes that the mark of its frame notes."""
     dtypes = parse_notes(line for line in lines if line.startswith(DTYPE_LINE)).dtypes
     extra = {
         name: restored(column, dtypes[name]) if name in dtypes else column
@@ -132,7 +128,6 @@ def open_clouds(
         clouds,
         marked.marks,
         marked.topic,
-        topics.named(LOG, "mark") if topics.own else None,
     )
 
 

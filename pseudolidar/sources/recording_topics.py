@@ -49,11 +49,6 @@ class Topic:
         """Where message `number` is."""
         return int(self.channels[number]), int(self.numbers[number])
 
-    def filed_at(self, time_ns: int) -> list[Place]:
-        """Where the messages are that are filed under a time."""
-        first, last = np.searchsorted(self.times_ns, [time_ns, time_ns + 1]).tolist()
-        return [self.place(number) for number in range(first, last)]
-
 
 @dataclass(frozen=True, eq=False)
 class Topics:
