@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 BUILD := build
 PIP := -m pip install --disable-pip-version-check --quiet
 
-.PHONY: help demo test lint format bench soak wheel-check lowest hooks clean
+.PHONY: help demo test lint format bench soak fuzz wheel-check lowest hooks clean
 
 help:
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -53,6 +53,13 @@ bench: $(VENV)/installed-dev ## print benchmark ratios
 
 soak: $(VENV)/installed-dev ## long tests
 	$(BIN)/python -m pytest -m slow
+
+# A number of inputs for each reader: make fuzz INPUTS=100000
+INPUTS ?= 10000
+fuzz: $(VENV)/installed-dev ## read damaged files of every format, in processes with bounded memory
+	for format in pcd ply npz bin labels poses; do \
+		$(BIN)/python -m tests.fuzzing $$format $(INPUTS) || exit 1; done
+	$(BIN)/python -m tests.fuzzing mcap 2000
 
 # A wheel from the sdist, installed with everything fresh, used outside the checkout.
 wheel-check: $(VENV)/installed-dev ## build the wheel, install it afresh elsewhere, convert there
