@@ -9,6 +9,7 @@ import numpy as np
 
 from pseudolidar.errors import ImageFormat, ImageMissing, ImageUnreadable, LimitError
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.structures.arrays import AnyArray, Float32
 from pseudolidar.structures.disparity import DisparityMap
 
 # What NumPy's header parser raises on damaged bytes.
@@ -17,6 +18,15 @@ _BROKEN = (ValueError, EOFError, SyntaxError, tokenize.TokenError)
 
 def read_disparity_npy(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> DisparityMap:
     """Read (H, W) disparities in px, NaN = none; what is not finite or not positive is none.
+
+    Raises:
+        ImageMissing, ImageUnreadable, ImageFormat, LimitError: as `read_numbers` does.
+    """
+    return DisparityMap(positive(read_numbers(path, limits=limits)))
+
+
+def read_numbers(path: Path, *, limits: Limits) -> AnyArray:
+    """(H, W) numbers of a NumPy file, as they are.
 
     Raises:
         ImageMissing: no such file.
@@ -35,5 +45,10 @@ def read_disparity_npy(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> Dispar
         raise ImageFormat(found, want="(H, W) of numbers, px", path=path)
     if array.size > limits.pixels:
         raise LimitError(f"{array.size} pixels", want=f"at most {limits.pixels}", path=path)
+    return array
+
+
+def positive(array: AnyArray) -> Float32:
+    """The numbers in single precision, NaN for what is not finite or not positive."""
     values = array.astype(np.float32)
-    return DisparityMap(np.where(np.isfinite(values) & (values > 0), values, np.float32(np.nan)))
+    return np.where(np.isfinite(values) & (values > 0), values, np.float32(np.nan))

@@ -29,21 +29,26 @@ def encode_fixed_point(values: Float32) -> bytes:
 
 
 def read_fixed_point(path: Path, *, limits: Limits) -> Float32:
-    """(H, W) float32 values of a PNG, NaN where there is none.
+    """(H, W) float32 values of a PNG, NaN where there is none. Raises as `read_steps`."""
+    return cast("Float32", read_steps(path, limits=limits) / STEPS_PER_UNIT)
+
+
+def read_steps(path: Path, *, limits: Limits) -> Float32:
+    """(H, W) float32 stored integers of a PNG, NaN where they are 0.
 
     Raises:
         ImageMissing, ImageUnreadable, ImageTruncated, LimitError: as `read_image` does.
         ImageFormat: 8 bits or colours, which never hold metres.
     """
-    steps = read_image(path, limits=limits).pixels
-    if steps.dtype != np.uint16 or steps.ndim != 2:
-        channels = 1 if steps.ndim == 2 else steps.shape[2]
+    stored = read_image(path, limits=limits).pixels
+    if stored.dtype != np.uint16 or stored.ndim != 2:
+        channels = 1 if stored.ndim == 2 else stored.shape[2]
         raise ImageFormat(
-            f"{channels} channel(s) of {steps.dtype}",
-            want="one channel of 16 bits, value x 256",
+            f"{channels} channel(s) of {stored.dtype}",
+            want="one channel of 16 bits",
             fix="An 8-bit or colour picture of a map is only to look at: give the original.",
             path=path,
         )
-    values = steps.astype(np.float32) / STEPS_PER_UNIT
-    values[steps == 0] = np.nan
-    return cast("Float32", values)
+    steps = stored.astype(np.float32)
+    steps[stored == 0] = np.nan
+    return steps
