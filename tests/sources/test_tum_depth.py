@@ -135,6 +135,7 @@ def test_association_is_that_of_tums_script() -> None:
     assert associate(first, second, tolerance_ns=5) == [(0, 1), (1, 2), (2, 0)]
     assert associate([10], [4, 15], tolerance_ns=5) == [(0, 1)]
     assert associate([10, 12], [11], tolerance_ns=5) == [(0, 0)]
+    assert associate([10, 12], [13], tolerance_ns=5) == [(1, 0)]  # the nearer one, though later
     assert nearest([1, 5, 9], 6, tolerance_ns=1) == 1
     assert nearest([1, 5, 9], 7, tolerance_ns=1) is None
     assert nearest([], 7, tolerance_ns=1) is None
