@@ -23,6 +23,7 @@ from pseudolidar.running.frame_checks import MIN_DENSITY, check_pair, check_text
 from pseudolidar.running.given import GivenSettings, given_maps
 from pseudolidar.running.kitti_tree import KittiTree
 from pseudolidar.running.outputs import Outputs, folder_of
+from pseudolidar.running.preview import PREVIEW_NAME, Preview, PreviewArtist, write_preview
 from pseudolidar.running.product import Product
 from pseudolidar.running.recording import RecordingPlan
 from pseudolidar.running.rehearsal import Rehearsal, fitting, rehearse
@@ -91,6 +92,8 @@ class Convert:
         mcap: what a recording holds.
         kitti: thinning to beams and the split of a training tree.
         colmap: how many points a COLMAP model has.
+        video: make preview.mp4 too: photo, disparity and the cloud from above, H.264.
+        preview: how it looks.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         exclude: not these.
         rig: calibration that replaces the source's cameras: a rig.json, OpenCV YAML, XML or JSON,
@@ -130,6 +133,8 @@ class Convert:
     mcap: McapContent = field(default_factory=McapContent)
     kitti: KittiTree = field(default_factory=KittiTree)
     colmap: ColmapModel = field(default_factory=ColmapModel)
+    video: bool = False
+    preview: Preview = field(default_factory=Preview)
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
     rig: Path | None = None
@@ -171,8 +176,9 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
     if job.dry_run:
         return rehearse(source, per_frame, folder=job.out, crew=job.crew).checked()
     recording, trees = RecordingPlan.of(job, source, wanted=job.to.recording), per_frame.trees
+    products = (*recording.names, *trees.products, *([PREVIEW_NAME] if job.video else []))
     with (
-        Run.open(job.out, job, source, products=(*recording.names, *trees.products)) as run,
+        Run.open(job.out, job, source, products=products) as run,
         recording.open(job.out, run.expected(per_frame, crew=job.crew)) as log,
     ):
         settled = run.settled(log.held)
@@ -182,6 +188,8 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
             log.append(frame.id, frame.value.parts)
             run.commit(frame)
         trees.finish(job.out, run.records())
+        if job.video:
+            write_preview(run, source, job.preview)
     result = run.result()
     chosen = {"matcher": job.matched_by} if source.yields is StereoFrame else {}
     page = write_conversion_page(job.out, result, source.rig, settings=chosen)
@@ -202,6 +210,7 @@ class ConvertFrame:
         content: what the recording holds.
         trees: layouts of other tools.
         sampled: ids of the frames that the report shows.
+        artist: draws frames for the preview, where there is to be one.
     """
 
     matcher: StereoMatcher
@@ -213,6 +222,7 @@ class ConvertFrame:
     content: McapContent
     trees: Trees
     sampled: frozenset[str]
+    artist: PreviewArtist | None = None
 
     @classmethod
     def of(cls, job: Convert, source: FrameSequence[Frame]) -> ConvertFrame:
@@ -234,10 +244,29 @@ class ConvertFrame:
             matcher, refine = fuse.sightings, refine.after(fuse)
         trees = Trees.of(job.to.trees, job.kitti, job.colmap, source)
         shown = sampled_frames(source.ids)
-        return cls(matcher, clean, refine, reproject, job.frame, job.to, job.mcap, trees, shown)
+        plain = cls(matcher, clean, refine, reproject, job.frame, job.to, job.mcap, trees, shown)
+        if not job.video:
+            return plain
+        artist = PreviewArtist.of(job.preview, source, plain.converted, crew=job.crew)
+        return replace(plain, artist=artist)
 
     def __call__(self, frame: Frame) -> Product:
-        """Match and reproject a pair, reproject depth, take a cloud as it is; encode.
+        """Convert and encode.
+
+        Raises:
+            PseudolidarError: as `converted`.
+        """
+        return encoded(
+            self.converted(frame),
+            self.outputs,
+            self.content,
+            self.trees,
+            sampled=frame.id in self.sampled,
+            artist=self.artist,
+        )
+
+    def converted(self, frame: Frame) -> Converted:
+        """Match and reproject a pair, reproject depth, take a cloud as it is.
 
         Raises:
             PairIdentical, LowTexture, MapEmpty: there is nothing to be seen.
@@ -245,15 +274,13 @@ class ConvertFrame:
         """
         match frame:
             case StereoFrame():
-                converted = self.pair(frame)
+                return self.pair(frame)
             case RecordedCloud():
-                converted = Converted(frame, placed(frame.cloud, frame.tree, self.frame))
+                return Converted(frame, placed(frame.cloud, frame.tree, self.frame))
             case DepthFrame():
                 cloud = self.reproject.of_depth(frame)
                 cloud = placed(cloud, camera_tree(frame.camera), self.frame)
-                converted = Converted(frame, cloud, depth=frame.depth)
-        sampled = frame.id in self.sampled
-        return encoded(converted, self.outputs, self.content, self.trees, sampled=sampled)
+                return Converted(frame, cloud, depth=frame.depth)
 
     @property
     def least_density(self) -> float:
@@ -331,5 +358,5 @@ class ConvertReport:
             lines += [f"  {line}" for line in removed_lines(figures)]
         opens = [self.out / folder_of(kind) for kind in (*self.to.files, *self.to.trees)]
         opens += sorted(self.out.glob("*.mcap")) if self.to.recording else []
-        opens.append(self.page)
+        opens += [path for path in (self.out / PREVIEW_NAME, self.page) if path.exists()]
         return "\n".join([*lines, *(f"  {path}" for path in opens)])

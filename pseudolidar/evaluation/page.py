@@ -1,4 +1,4 @@
-"""Reports as one HTML file that needs nothing else: text, tables, plots and pictures inside."""
+"""Reports as one HTML file: text, tables, plots and pictures inside; only videos lie beside it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ table { border-collapse: collapse } td, th { padding: .2rem .9rem .2rem 0; text-
 border-bottom: 1px solid var(--line); vertical-align: top }
 figure { margin: 0 } figcaption, .soft { color: var(--soft); font-size: .85rem }
 .row { display: grid; gap: .6rem; margin: .6rem 0 1.4rem; align-items: start }
-img { width: 100%; height: auto; display: block; border-radius: 3px }
+img, video { width: 100%; height: auto; display: block; border-radius: 3px }
 .plots { display: flex; flex-wrap: wrap; gap: 1rem } .plots img { background: #fff; width: auto;
 max-width: 100% }
 </style></head><body>
@@ -39,6 +39,9 @@ max-width: 100% }
 {% if section.table %}<table>{% for row in section.table %}<tr>{% for cell in row %}
 {% if loop.first %}<th>{{ cell }}</th>{% else %}<td>{{ cell }}</td>{% endif %}
 {% endfor %}</tr>{% endfor %}</table>{% endif %}
+{% if section.video %}
+<video controls loop muted playsinline preload="metadata" src="{{ section.video }}">
+<a href="{{ section.video }}">{{ section.video }}</a></video>{% endif %}
 {% if section.plots %}<div class="plots">{% for plot in section.plots %}
 <figure><img alt="{{ plot.caption }}" src="{{ plot.uri }}"></figure>{% endfor %}</div>{% endif %}
 {% for row in section.pictures %}
@@ -103,6 +106,7 @@ class Section:
         table: rows of cells, the first of each is its name.
         plots: side by side.
         pictures: rows of pictures.
+        video: address of a video, beside the page.
     """
 
     title: str
@@ -110,6 +114,7 @@ class Section:
     table: Sequence[Sequence[Any]] = ()
     plots: Sequence[Picture] = ()
     pictures: Sequence[PictureRow] = ()
+    video: str = ""
 
 
 def render_page(title: str, subtitle: str, sections: Sequence[Section]) -> bytes:

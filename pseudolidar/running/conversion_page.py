@@ -17,6 +17,7 @@ from pseudolidar.evaluation.pictures import (
 )
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.running.encoders import DEPTH_BIN_M
+from pseudolidar.running.preview import PREVIEW_NAME
 from pseudolidar.running.removed import KEPT, REMOVED, colours_text, removed_lines, removed_picture
 from pseudolidar.running.results import RunResult
 from pseudolidar.running.samples import TOP_AHEAD_M, TOP_ASIDE_M, FrameSample, read_samples
@@ -56,6 +57,7 @@ def write_conversion_page(
     samples = read_samples(folder, result.committed)
     sections = [
         Section("Overview", table=_overview(result, rig, settings)),
+        *_preview(folder),
         *_notes(result),
         *_skips(result),
         *_plots(result),
@@ -104,6 +106,13 @@ def _systematic(rig: StereoRig) -> str:
         return f"a systematic {rig.systematic_sigma_px:g} px: the rig was not refined"
     origin = rig.correction.origin or "unknown origin"
     return f"a systematic {rig.systematic_sigma_px:.2f} px: the rig was refined ({origin})"
+
+
+def _preview(folder: Path) -> list[Section]:
+    if not (folder / PREVIEW_NAME).exists():
+        return []
+    text = "Left image, disparity and the cloud from above, at the pace of the recording."
+    return [Section("Preview", text, video=PREVIEW_NAME)]
 
 
 def _notes(result: RunResult) -> list[Section]:

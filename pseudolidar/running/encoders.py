@@ -18,6 +18,7 @@ from pseudolidar.formats.ply import encode_ply
 from pseudolidar.formats.velodyne_bin import LARGEST_COORDINATE_M, encode_velodyne_bin
 from pseudolidar.geometry.cloud_frames import forward_frame, left_in, turned_forward
 from pseudolidar.running.outputs import Outputs, file_name
+from pseudolidar.running.preview import PreviewArtist, preview_name
 from pseudolidar.running.product import Product
 from pseudolidar.running.record import OutputFile
 from pseudolidar.running.samples import FrameSample, sample_name
@@ -82,7 +83,13 @@ ENCODERS: Mapping[str, Callable[[Converted], bytes]] = {
 
 
 def encoded(
-    converted: Converted, outputs: Outputs, content: McapContent, trees: Trees, *, sampled: bool
+    converted: Converted,
+    outputs: Outputs,
+    content: McapContent,
+    trees: Trees,
+    *,
+    sampled: bool,
+    artist: PreviewArtist | None = None,
 ) -> Product:
     """Everything that will be written of a frame.
 
@@ -92,6 +99,7 @@ def encoded(
         content: what the recording holds.
         trees: layouts of other tools.
         sampled: whether the frame is one that the report shows.
+        artist: draws it for the preview, where there is to be one.
     """
     frame = converted.frame
     files = [
@@ -104,6 +112,8 @@ def encoded(
             frame, converted.disparity, converted.forward_cloud, removed=converted.removed
         )
         files.append(OutputFile.of(sample_name(frame.id), sample.encode()))
+    if artist is not None:
+        files.append(OutputFile.of(preview_name(frame.id), artist.draw(converted)))
     parts = packed(converted, content) if outputs.recording else {}
     notes = losses_in_bin(converted) if "bin" in outputs.files else ()
     return Product(tuple(files), parts, figures(converted, notes))

@@ -26,9 +26,10 @@ class FrameProgress:
     Args:
         total: frames of the run.
         done: frames that an earlier run has committed.
+        what: what is counted.
     """
 
-    def __init__(self, total: int, *, done: int = 0) -> None:
+    def __init__(self, total: int, *, done: int = 0, what: str = "frames") -> None:
         console = Console(stderr=True)
         self._skipped = 0
         self._progress = Progress(
@@ -42,7 +43,7 @@ class FrameProgress:
             disable=not console.is_terminal,
             transient=True,
         )
-        self._task = self._progress.add_task("frames", total=total, completed=done, skipped="")
+        self._task = self._progress.add_task(what, total=total, completed=done, skipped="")
 
     def __enter__(self) -> Self:
         self._progress.start()

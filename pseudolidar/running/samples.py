@@ -71,7 +71,7 @@ class FrameSample:
             forward_cloud: points in a frame with x forward, y left.
             removed: (H, W) why a pixel of the left image was removed.
         """
-        photo = _photo(frame)
+        photo = photo_of(frame)
         unknown = np.full(photo.shape[:2], np.nan, np.float32)
         truth = frame.truth if isinstance(frame, StereoFrame) else None
         step = max(1, -(-max(photo.shape) // MAX_SIDE_PX))
@@ -97,7 +97,7 @@ class FrameSample:
             return cls(**{name: arrays[name] for name in cls.__dataclass_fields__})
 
 
-def _photo(frame: Frame) -> UInt8:
+def photo_of(frame: Frame) -> UInt8:
     """The left or only image in 8 bits, (0, 0) where there is none."""
     images: tuple[Image, ...]
     match frame:
