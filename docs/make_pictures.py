@@ -18,8 +18,10 @@ from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.image import encode_jpeg
 from pseudolidar.geometry.cloud_frames import left_in
 from pseudolidar.geometry.projection import project
+from pseudolidar.running.removed import removed_picture
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.clean import Clean
 from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.structures.arrays import Float64, UInt8
 
@@ -57,6 +59,8 @@ class View:
 
 
 VIEWS = (View("street", 9, (-2.5, -2.2, -2.5), 4.0, (5.0, 50.0), 8.5, 60.0),)
+# Before and after cleaning: from beside and above, where trails and the sky show.
+CLEANED = View("street", 25, (-5.0, -6.0, -2.0), 14.0, (3.0, 60.0), 13.0, 80.0)
 
 
 def main() -> None:
@@ -64,6 +68,8 @@ def main() -> None:
     for view in VIEWS:
         picture = sheet(view)
         write_atomic(FOLDER / f"{view.world}.jpg", encode_jpeg(picture, quality=JPEG_QUALITY))
+    picture = before_and_after(CLEANED)
+    write_atomic(FOLDER / "cleaned.jpg", encode_jpeg(picture, quality=JPEG_QUALITY))
 
 
 def sheet(view: View) -> UInt8:
@@ -83,6 +89,29 @@ def sheet(view: View) -> UInt8:
     ]
     between = np.full((GAP_PX, WIDTH_PX, 3), 255, np.uint8)
     return np.vstack([rows[0], between, rows[1], between, rows[2]])
+
+
+def before_and_after(view: View) -> UInt8:
+    """What cleaning removes, by reason, then the cloud before (left) and after (right)."""
+    frame = Synthetic(view.world, frames=view.frame + 1).open().load(view.frame)
+    disparity = Census(quality="fast").load()(frame)
+    cleaned = Clean().load()(frame, disparity)
+    half = (WIDTH_PX - GAP_PX) // 2
+    columns = []
+    for found, shown in (
+        (disparity, frame.left),
+        (cleaned.disparity, removed_picture(frame.left, cleaned.reason)),
+    ):
+        cloud = Reproject(max_range_m=view.max_range_m).load()(frame, found)
+        above = from_above(cloud.transformed(left_in(frame.rig, "velodyne")), view)
+        seen = perspective(cloud, frame.rig.P_left, frame.size_px, view)
+        columns.append([scaled(picture, half) for picture in (shown, seen, above)])
+    across = [
+        np.hstack([left, np.full((len(left), GAP_PX, 3), 255, np.uint8), right])
+        for left, right in zip(*columns, strict=True)
+    ]
+    between = np.full((GAP_PX, across[0].shape[1], 3), 255, np.uint8)
+    return np.vstack([across[0], between, across[1], between, across[2]])
 
 
 def perspective(cloud: PointCloud, P_left: Float64, size_px: tuple[int, int], view: View) -> UInt8:

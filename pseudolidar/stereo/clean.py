@@ -61,7 +61,7 @@ class Clean:
     isolated: bool = True
     angle_deg: float = 5.0
     gap_sigmas: float = 3.0
-    edge_error: float = 0.4
+    edge_error: float = 0.35
     far_error: float = 2.0
     speckle_m2: float = 0.05
     neighbours: int = 4

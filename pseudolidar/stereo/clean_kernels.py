@@ -24,6 +24,10 @@ THIN_FACTOR, THIN_REACH = 4.0, 18
 # No surface worth keeping is steeper than this, px of disparity per pixel: a road seen from 1.1 m
 # above with eyes 0.54 m apart.
 STEEPEST = 0.5
+# Distance of the pixels that show how a surface is slanted, px.
+SLANT_REACH = 3
+# The slopes above and below a pixel of a slanted surface differ by less than this share.
+BENT = 0.3
 # Half width of the neighbourhood that a point is isolated in, px.
 LONELY_REACH = 2
 _DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
@@ -95,6 +99,7 @@ def mark_edges(
     whole, zero = np.float32(WHOLE_SHARE), np.float32(0)
     none = np.zeros(width, np.float32)
     gaps, flags = np.empty(width, np.float32), np.empty(width, np.uint8)
+    slant = (np.float32(rig[0]), fB, doffs, at_edge * tolerance_m, at_edge * np.float32(limits[3]))
     for y in range(rows[0], rows[1]):
         line, why = values[y], reason[y]
         spread = none if sigma.size == 0 else sigma[y]
@@ -122,10 +127,36 @@ def mark_edges(
             flag, d = flags[x], line[x]
             if flag == 0 or why[x] != 0 or d != d:
                 continue
-            if far and flag & 1:
+            unsure = flag & 3 and not _slanted(values, y, x, d, spread[x], slant)
+            if far and flag & 1 and (unsure or d + doffs <= zero):
                 why[x] = FAR
-            elif flying and (flag & 2 or (flag & 4 and _between(values, y, x, d, gaps[x]))):
+            elif flying and (
+                (flag & 2 and unsure) or (flag & 4 and _between(values, y, x, d, gaps[x]))
+            ):
                 why[x] = FLYING
+
+
+@_kernel
+def _slanted(
+    values: AnyArray, y: int, x: int, d: float, s: float, slant: tuple[float, ...]
+) -> bool:
+    """Whether the surface is so slanted that an error along the ray stays near to it: a road.
+
+    Three pixels of a column lie on one slope that comes nearer downwards; n pixels along it, the
+    disparity is another by sigma. So far is the point from its surface across the ray, n Z / f.
+    """
+    height = len(values)
+    f, fB, doffs, tolerance_m, tolerance_rel = slant
+    depth_m = fB / (d + doffs)
+    allowed_px = (tolerance_m + tolerance_rel * depth_m) * f / depth_m
+    reach = SLANT_REACH
+    if not (y >= reach and y + reach < height):
+        return False
+    below, above = values[y + reach, x] - d, d - values[y - reach, x]
+    slope = (below + above) / np.float32(2 * reach)
+    bent = abs(below - above) > np.float32(BENT) * (below + above)
+    # False for NaN
+    return slope <= STEEPEST and below > 0 and above > 0 and not bent and s <= slope * allowed_px
 
 
 @_kernel
