@@ -1,4 +1,4 @@
-"""Stereo rigs of OpenCV and ROS: matrices by name, in YAML, XML or JSON; read_x beside write_x.
+"""Stereo rigs of OpenCV and ROS: matrices by name, in YAML, XML or JSON.
 
 OpenCV's samples keep M1 D1 M2 D2 and R T R1 R2 P1 P2 Q, in one file or two; ROS keeps a camera a
 file (`camera_info`). Both mean: K and D are of the picture as taken, P of the rectified one.
@@ -14,7 +14,6 @@ from typing import Literal
 import numpy as np
 
 from pseudolidar.errors import CalibrationSyntax, CalibrationValue, PseudolidarError
-from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.rig_parts import COEFFICIENTS, LEFT, RIGHT
 from pseudolidar.formats.rig_reading import (
@@ -24,7 +23,7 @@ from pseudolidar.formats.rig_reading import (
     in_metres,
     pose_right_left,
 )
-from pseudolidar.formats.stereo_fields import StereoFields
+from pseudolidar.formats.stereo_fields import Eye, StereoFields
 from pseudolidar.formats.storage import matrix_of, read_storage
 from pseudolidar.formats.strict_json import JsonNode
 from pseudolidar.structures.arrays import Float64
@@ -49,7 +48,8 @@ def read_opencv_rig(
     """Read a pair's cameras.
 
     Args:
-        files: by `left`, `right`, or anything else for files that name the eyes themselves.
+        files: by a name with `left` or `right` in it; by any other name where the files name the
+            eyes themselves.
         path: file or folder, for errors and words.
         size_px: (width, height) of the pictures, for files that do not say it.
         unit: of lengths, where metres are not meant.
@@ -77,30 +77,33 @@ def read_opencv_rig(
     return RigReading(path, form, rectified, raw, tuple(notes))
 
 
-def _parts(files: Mapping[str, Path], limits: Limits) -> dict[str, JsonNode]:
+def _parts(files: Mapping[str, Path], limits: Limits) -> list[tuple[Eye, JsonNode]]:
     """Trees by eye; of a file with a document for each camera, each by its camera's name."""
-    parts: dict[str, JsonNode] = {}
+    parts: list[tuple[Eye, JsonNode]] = []
     for eye, file in files.items():
         documents = read_storage(file, limits=limits)
         if len(documents) == 1:
-            parts[eye if eye in ("left", "right") else f"\0{eye}"] = documents[0]
+            parts.append((eye_of(eye), documents[0]))
             continue
-        for node in documents:
-            name = node.value.get("camera_name") if isinstance(node.value, dict) else None
-            found = eye_of(str(name.value)) if name is not None else None
-            if found is None or found in parts:
-                raise CalibrationSyntax(
-                    f"{len(documents)} documents",
-                    want="one, or two with 'left' and 'right' in their camera_name",
-                    path=file,
-                    where=node.where,
-                )
-            parts[found] = node
+        named = [(_camera_eye(node), node) for node in documents]
+        if sorted(str(name) for name, _ in named) != ["left", "right"]:
+            raise CalibrationSyntax(
+                f"{len(documents)} documents",
+                want="one, or two with 'left' and 'right' in their camera_name",
+                path=file,
+                where=documents[1].where,
+            )
+        parts += named
     return parts
 
 
-def eye_of(name: str) -> Literal["left", "right"] | None:
-    """Which eye a name means."""
+def _camera_eye(node: JsonNode) -> Eye:
+    name = node.value.get("camera_name") if isinstance(node.value, dict) else None
+    return None if name is None else eye_of(str(name.value))
+
+
+def eye_of(name: str) -> Eye:
+    """Which eye a name means, None for both or neither."""
     left, right = "left" in name.lower(), "right" in name.lower()
     if left == right:
         return None
@@ -288,73 +291,3 @@ def _camera(
         raise CalibrationValue(
             error.got, want=error.want, fix=error.fix, path=path, where=where
         ) from None
-
-
-# --- writers -----------------------------------------------------------------------------------
-
-
-def write_opencv_yaml(path: Path, rig: StereoRig) -> None:
-    """Write a rig as OpenCV's YAML with all digits; of a rectified one with P1, P2 and Q.
-
-    Lengths are metres. OpenCV's FileStorage reads it as well.
-    """
-    fields: dict[str, Float64] = {}
-    for eye, camera in (("1", rig.left), ("2", rig.right)):
-        fields |= {f"M{eye}": camera.K, f"D{eye}": _row(camera.distortion)}
-    T = rig.T_right_left.matrix
-    fields |= {"R": T[:3, :3], "T": T[:3, 3:]}
-    if rig.is_rectified:
-        fields |= {"R1": np.eye(3), "R2": np.eye(3), "P1": rig.P_left, "P2": rig.P_right}
-    width, height = rig.left.size_px
-    head = f"%YAML:1.0\n---\nimage_width: {width}\nimage_height: {height}\n"
-    body = "".join(_opencv_matrix(name, value) for name, value in fields.items())
-    write_atomic(path, (head + body).encode())
-
-
-def _row(distortion: Float64) -> Float64:
-    return (distortion if len(distortion) else np.zeros(5)).reshape(1, -1)
-
-
-def _opencv_matrix(name: str, value: Float64) -> str:
-    rows, cols = value.shape
-    return (
-        f"{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {cols}\n   dt: d\n"
-        f"   data: [ {_listed(value)} ]\n"
-    )
-
-
-def _listed(value: Float64) -> str:
-    return ", ".join(repr(float(x)) for x in value.ravel())
-
-
-def write_camera_info(left: Path, right: Path, rig: StereoRig) -> None:
-    """Write a rectified rig as two ROS `camera_info` YAML files with all digits.
-
-    Raises:
-        NotRectified: P of an unrectified rig is not known.
-    """
-    reading = RigReading(left, "rig", rig if rig.is_rectified else None)
-    checked = reading.of_rectified
-    sides = ((left, "left", checked.left, checked.P_left),
-             (right, "right", checked.right, checked.P_right))  # fmt: skip
-    for path, eye, camera, P in sides:
-        write_atomic(path, _camera_info_text(eye, camera, P).encode())
-
-
-def _camera_info_text(eye: str, camera: Camera, P: Float64) -> str:
-    matrices = {
-        "camera_matrix": camera.K,
-        "distortion_coefficients": np.zeros((1, 5)),
-        "rectification_matrix": np.eye(3),
-        "projection_matrix": P,
-    }
-    lines = [
-        f"image_width: {camera.width_px}",
-        f"image_height: {camera.height_px}",
-        f"camera_name: {eye}",
-        "distortion_model: plumb_bob",
-    ]
-    for name, value in matrices.items():
-        rows, cols = value.shape
-        lines += [f"{name}:", f"  rows: {rows}", f"  cols: {cols}", f"  data: [{_listed(value)}]"]
-    return "\n".join(lines) + "\n"

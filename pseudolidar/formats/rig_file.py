@@ -12,9 +12,13 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.k_txt import read_k_txt
 from pseudolidar.formats.key_values import KEY
-from pseudolidar.formats.kitti import CAM_TO_CAM, read_odometry_calib, read_raw_calib
-from pseudolidar.formats.kitti import IMU_TO_VELO as IMU_FILE
-from pseudolidar.formats.kitti import VELO_TO_CAM as VELO_FILE
+from pseudolidar.formats.kitti import (
+    CAM_TO_CAM,
+    IMU_TO_VELO,
+    VELO_TO_CAM,
+    read_odometry_calib,
+    read_raw_calib,
+)
 from pseudolidar.formats.kitti_calibration import CAMERAS, KittiCalibration
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.middlebury import is_middlebury_calib, read_middlebury_calib
@@ -199,6 +203,6 @@ def _kitti_calibration(path: Path, limits: Limits) -> KittiCalibration:
         except CalibrationField as error:
             if "S_rect" not in error.got:
                 raise
-    beside = (path.with_name(name) for name in (VELO_FILE, IMU_FILE))
+    beside = (path.with_name(name) for name in (VELO_TO_CAM, IMU_TO_VELO))
     velo, imu = (file if file.exists() else None for file in beside)
     return read_raw_calib(path, velo, imu, limits=limits)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from pseudolidar.errors import CalibrationField, CalibrationSyntax
 from pseudolidar.formats.storage import is_matrix, matrix_of
 from pseudolidar.formats.strict_json import JsonNode
 from pseudolidar.structures.arrays import Float64
 
+Eye = Literal["left", "right"] | None
 # How the left and the right eye are told apart; the first that has both cameras counts.
 EYES = (
     ("left", "right"),
@@ -61,8 +63,8 @@ class StereoFields:
     eyes: tuple[str, str]
 
     @classmethod
-    def of(cls, path: Path, parts: Mapping[str, JsonNode]) -> StereoFields:
-        """The values of files; `parts` maps `left`, `right` or `` to their trees.
+    def of(cls, path: Path, parts: Sequence[tuple[Eye, JsonNode]]) -> StereoFields:
+        """The values of trees, each of one eye, or of both.
 
         Raises:
             CalibrationSyntax: a file that is no mapping.
@@ -70,9 +72,8 @@ class StereoFields:
         """
         nodes: dict[str, JsonNode] = {}
         shown: dict[str, str] = {}
-        for prefix, root in parts.items():
-            # Where a second file is added without an eye, its name follows a NUL.
-            for name, node in _flat(root, prefix.partition("\0")[0]):
+        for eye, root in parts:
+            for name, node in _flat(root, eye or ""):
                 key = _PUNCTUATION.sub("", name.lower())
                 if key in nodes:
                     raise CalibrationField(

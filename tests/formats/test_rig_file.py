@@ -26,7 +26,7 @@ from pseudolidar.errors import (
 from pseudolidar.formats.k_txt import write_k_txt
 from pseudolidar.formats.limits import Limits
 from pseudolidar.formats.middlebury import read_middlebury_calib, write_middlebury_calib
-from pseudolidar.formats.opencv_rig import write_camera_info, write_opencv_yaml
+from pseudolidar.formats.opencv_rig_writers import write_camera_info, write_opencv_yaml
 from pseudolidar.formats.rig_file import read_any_rig
 from pseudolidar.formats.rig_json import write_rig
 from pseudolidar.geometry.triangulation import points_by_p, points_by_q
