@@ -58,6 +58,8 @@ NO_CHUNK = -1
 LONGEST_NAME = 32
 # Unpacked chunks that are kept: neighbouring messages of others often share one.
 CACHE_BYTES = 32 * 2**20
+# A message that is a smaller part of its chunk is copied out of it: 1 / this.
+SMALL_PART = 4
 LATCHED_TOPIC = "/tf_static"
 LARGEST_TIME_NS = 2**63 - 1
 
@@ -116,28 +118,33 @@ class McapStore:
         Raises:
             RecordingError: damaged, or not what the index says.
         """
-        found: list[bytes | memoryview] = []
-        wanted = [self.entries[channel][number] for channel, number in places]
-        chunks: dict[int, bytes | memoryview] = {}
+        entries = [self.entries[channel][number] for channel, number in places]
+        by_chunk: dict[int, list[int]] = {}
+        for at, entry in enumerate(entries):
+            by_chunk.setdefault(int(entry["chunk"]), []).append(at)
+        found: dict[int, bytes | memoryview] = {}
         try:
             self.state.check()
             with FileIO(self.state.path, "rb") as file:
-                for (channel, _), entry in zip(places, wanted, strict=True):
-                    start, offset = int(entry["chunk"]), int(entry["offset"])
-                    if start == NO_CHUNK:
-                        record = read_record(file, offset, self.state.size_bytes, self.limits)
-                    else:
-                        if start not in chunks:
-                            chunks[start] = self._unpacked(file, start)
-                        record = _record_at(chunks[start], offset, start)
-                    found.append(self._message(record, channel, int(entry["time"])))
+                for start, chosen in by_chunk.items():
+                    chunk = b"" if start == NO_CHUNK else self._unpacked(file, start)
+                    for at in chosen:
+                        entry, offset = entries[at], int(entries[at]["offset"])
+                        if start == NO_CHUNK:
+                            record = read_record(file, offset, self.state.size_bytes, self.limits)
+                        else:
+                            record = _record_at(chunk, offset, start)
+                        data = self._message(record, places[at][0], int(entry["time"]))
+                        # A small part must not keep the whole chunk.
+                        small = len(data) * SMALL_PART < len(chunk)
+                        found[at] = bytes(data) if small else data
         except PseudolidarError as error:
             raise error.located(self.state.path) from error.__cause__
         except OSError as error:
             raise RecordingError(
                 error.strerror or str(error), want="a readable file", path=self.state.path
             ) from error
-        return found
+        return [found[at] for at in range(len(places))]
 
     def heads(self, channel: int, size: int) -> Iterator[bytes | memoryview]:
         """First bytes of each message of a channel; chunks are unpacked up to there, unchecked."""
@@ -305,7 +312,7 @@ def _indexed(file: FileIO, size: int, limits: Limits) -> _Contents | str:
             return f"its index has {counted} of {statistics.message_count} messages"
         return declared.contents(_library(file, size, limits), ())
     except RecordingError as error:
-        return f"its summary is damaged ({error.where}: {error.got})"
+        return f"{error.got} ({error.where})"
 
 
 def _summary_start(file: FileIO, size: int, limits: Limits) -> int:
@@ -317,9 +324,12 @@ def _summary_start(file: FileIO, size: int, limits: Limits) -> int:
     at = size - len(MAGIC) - FOOTER_BYTES
     if at < len(MAGIC):
         raise broken(f"the file ends after {size} bytes", size)
+    file.seek(size - len(MAGIC))
+    if file.read(len(MAGIC)) != MAGIC:
+        raise broken("no end mark: the file is cut, or was never closed", size)
     record = read_record(file, at, size, limits)
-    if file.read(len(MAGIC)) != MAGIC or record.opcode != Opcode.FOOTER:
-        raise broken("no end mark", at)
+    if record.opcode != Opcode.FOOTER:
+        raise broken("no footer before the end mark", at)
     footer = parsed(Footer, record)
     if not 0 < footer.summary_start < at:
         return 0

@@ -76,20 +76,20 @@ class Ros1Store:
             RecordingError: damaged.
         """
         self.state.check()
-        chunks: dict[int, bytes] = {}
-        found: list[bytes | memoryview] = []
+        chunk, start = b"", -1
+        found: dict[int, bytes] = {}
+        entries = [self.entries[channel][number] for channel, number in places]
         try:
             with FileIO(self.state.path, "rb") as file:
-                for channel, number in places:
-                    entry = self.entries[channel][number]
-                    start = int(entry["chunk"])
-                    if start not in chunks:
+                for at in sorted(range(len(entries)), key=lambda n: int(entries[n]["chunk"])):
+                    if int(entries[at]["chunk"]) != start:
+                        start = int(entries[at]["chunk"])
                         record = _read_record(file, start, self.state.size_bytes, self.limits)
-                        chunks[start] = _unpacked(record, self.limits)
-                    found.append(_message(chunks[start], int(entry["offset"]), start))
+                        chunk = _unpacked(record, self.limits)
+                    found[at] = bytes(_message(chunk, int(entries[at]["offset"]), start))
         except PseudolidarError as error:
             raise error.located(self.state.path) from error.__cause__
-        return found
+        return [found[at] for at in range(len(places))]
 
     def heads(self, channel: int, size: int) -> Iterator[bytes | memoryview]:
         """First bytes of each message of a connection; chunks are unpacked one after the other."""

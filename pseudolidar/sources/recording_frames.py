@@ -15,8 +15,8 @@ from pseudolidar.geometry.frame_chain import between
 from pseudolidar.sources.recording_topics import Topic, Topics
 from pseudolidar.structures.pose import Pose
 
-# Messages by which the publishers of a topic are known.
-LEARNED_MESSAGES = 200
+# The beginning of a topic by which its publishers are known.
+LEARNED_MESSAGES, LEARNED_NS = 200, 2 * NS_PER_S
 # Messages on either side of a moment that are read at most.
 MOST_AROUND = 500
 MOST_STATIC_MESSAGES = 100
@@ -119,7 +119,8 @@ def _around(topics: Topics, topic: Topic) -> int:
     """Messages that lie between two of the same child, at most."""
     last: dict[str, int] = {}
     widest = 1
-    places = [topic.place(number) for number in range(min(len(topic), LEARNED_MESSAGES))]
+    early = int(np.searchsorted(topic.times_ns, topic.times_ns[0] + LEARNED_NS))
+    places = [topic.place(number) for number in range(min(early, LEARNED_MESSAGES))]
     try:
         messages = topics.read(places)
     except PseudolidarError:

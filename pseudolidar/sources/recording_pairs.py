@@ -239,13 +239,17 @@ def _scan(messages: list[Message]) -> LidarScan | None:
     reflectance = cloud.intensity
     if reflectance is None and "intensity" in cloud.extra:
         reflectance = cloud.extra["intensity"].astype(np.float32)
-    valid = cloud.valid
+    valid = np.flatnonzero(cloud.valid)
+    xyz = cloud.xyz.astype(np.float32, copy=False)
+    if len(valid) < len(cloud):
+        xyz = xyz.take(valid, axis=0)
+        reflectance = None if reflectance is None else reflectance.take(valid)
     return LidarScan(
-        cloud.xyz[valid].astype(np.float32, copy=False),
-        None if reflectance is None else reflectance[valid],
+        xyz,
+        reflectance,
         cloud.timestamp_ns,
         VELODYNE,
-        dropped=len(cloud) - int(np.count_nonzero(valid)),
+        dropped=len(cloud) - len(valid),
     )
 
 
