@@ -12,7 +12,7 @@ from pseudolidar.formats.rig_reading import RigUnit
 from pseudolidar.sources.source import FrameSequence
 from pseudolidar.structures.recorded import Frame
 
-Take = Literal["auto", "pairs", "clouds"]
+Take = Literal["auto", "pairs", "clouds", "depth"]
 
 
 @dataclass(frozen=True)
@@ -20,13 +20,14 @@ class Recording:
     """An MCAP, a ROS 2 bag (folder or `.db3`) or a ROS 1 bag.
 
     Taken are the clouds of recordings of this package; of others the pairs of a calibrated and
-    rectified stereo camera where there is one, else the clouds. What was taken is said. Left and
-    right are known by their calibration (the projection's fourth column); pictures are paired by
-    the stamps in them. The nearest LiDAR cloud becomes the scan of a pair, the transforms its pose.
+    rectified stereo camera where there is one, else the clouds, else pictures with depth. What was
+    taken is said. Left and right are known by their calibration (the projection's fourth column);
+    pictures are paired by the stamps in them. The nearest LiDAR cloud becomes the scan of a pair,
+    the transforms its pose.
 
     Args:
         path: file, or folder of a ROS 2 bag.
-        take: pairs or clouds.
+        take: pairs, clouds, or pictures with depth.
         topic: topic of the clouds.
         topics: topics of left and right pictures, `LEFT,RIGHT`.
         rig: calibration file, for pictures without calibration, or instead of it.
@@ -51,7 +52,7 @@ class Recording:
 
         Raises:
             RecordingError: nothing of it can be read.
-            SourceEmpty: no pair and no cloud in it.
+            SourceEmpty: no pair, no cloud and no depth in it.
             NotRectified, CalibrationMissing: pairs that cannot be used, and nothing else.
             UsageError: a topic that is not there.
         """

@@ -1,4 +1,4 @@
-"""What is taken of a recording: its stereo pairs, or its clouds."""
+"""What is taken of a recording: its stereo pairs, its clouds, or its pictures with depth."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from pseudolidar.formats.recording_store import open_store
 from pseudolidar.formats.rig_file import read_any_rig
 from pseudolidar.sources.recording import Recording
 from pseudolidar.sources.recording_clouds import open_clouds
+from pseudolidar.sources.recording_depth import open_depth
 from pseudolidar.sources.recording_frames import RecordedFrames
 from pseudolidar.sources.recording_pairs import open_pairs
 from pseudolidar.sources.recording_stereo import (
@@ -51,7 +52,7 @@ def open_recording(settings: Recording) -> FrameSequence[Frame]:
 
 
 def _taken(settings: Recording, topics: Topics, frames: RecordedFrames) -> FrameSequence[Frame]:
-    """The pairs or the clouds, by what was asked for and what there is."""
+    """The pairs, the clouds or the depths, by what was asked for and what there is."""
     wanted = settings.take == "pairs" or settings.topics is not None or settings.rig is not None
     tried = settings.take == "auto" and settings.topic is None and not topics.own
     summary, refused = _summary(settings.path, topics), None
@@ -59,14 +60,19 @@ def _taken(settings: Recording, topics: Topics, frames: RecordedFrames) -> Frame
         try:
             pair, tree = _pair(settings, topics, frames)
         except (NotRectified, CalibrationMissing) as error:
-            if wanted or not topics.of_kind("cloud"):
+            if wanted or not (topics.of_kind("cloud") or eyes_of(topics)[1]):
                 raise
             pair, refused = None, f"pairs not taken: {error.got}"
         if pair is not None:
             return open_pairs(
                 topics, frames, pair, summary, tolerance_s=settings.tolerance_s, first_tree=tree
             )
-    if wanted or not topics.of_kind("cloud"):
+    if settings.take == "depth" or (tried and not topics.of_kind("cloud")):
+        pictures, depths = eyes_of(topics)
+        found = open_depth(topics, depths, pictures, summary)
+        if found is not None:
+            return found
+    if wanted or settings.take == "depth" or not topics.of_kind("cloud"):
         raise _nothing(topics, wanted=wanted)
     clouds = open_clouds(topics, frames, settings.topic, summary)
     return clouds if refused is None else clouds.noted(refused)
@@ -144,6 +150,6 @@ def _nothing(topics: Topics, *, wanted: bool) -> SourceEmpty:
     return SourceEmpty(
         f"a recording with {listed or 'no messages'}",
         want="two topics of rectified pictures with their calibration"
-        + ("" if wanted else ", or a topic of clouds"),
+        + ("" if wanted else ", a topic of clouds, or one of depths with their pictures"),
         fix="Name the pictures by --topics LEFT,RIGHT and their rig by --rig." if wanted else "",
     )

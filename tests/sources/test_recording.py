@@ -22,7 +22,7 @@ from pseudolidar.formats.rig_json import rig_text
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.recording import Recording
 from pseudolidar.structures.frame import StereoFrame
-from pseudolidar.structures.recorded import RecordedCloud
+from pseudolidar.structures.recorded import DepthFrame, RecordedCloud
 from tests.recordings import (
     DELAY_NS,
     PERIOD_NS,
@@ -318,6 +318,41 @@ def test_stamps_of_a_simulation_have_their_own_clock(tmp_path: Path) -> None:
         # Without a LiDAR in the recording the body is the camera turned forward.
         turned = pose.matrix[:3, :3] - frame.pose.matrix[:3, :3]
         assert np.abs(turned).max() < 1e-9
+
+
+# --- depth ----------------------------------------------------------------------------------
+
+
+def test_a_depth_camera_gives_pictures_with_depth(tmp_path: Path, drive: list[StereoFrame]) -> None:
+    """Depth aligned to colour, 3 ms later; one depth has no picture."""
+    rig = drive[0].rig
+    messages: list[tuple[str, object, int]] = []
+    rng = np.random.default_rng(6)
+    depths = [rng.integers(0, 9000, (48, 96), np.uint16) for _ in drive]
+    for index, (frame, mm) in enumerate(zip(drive, depths, strict=True)):
+        time_ns, late_ns = frame.timestamp_ns, frame.timestamp_ns + 3_000_000
+        info = ros_camera(rig.left.K, rig.P_left, rig.left.size_px, time_ns, "color_optical")
+        for place in ("color", "aligned_depth_to_color"):
+            messages.append((f"/camera/{place}/camera_info", info, time_ns))
+        colour = ros_image(frame.left, time_ns, "color_optical", "rgb8")
+        depth = ros_image(mm, late_ns, "color_optical", "16UC1")
+        messages.append(("/camera/aligned_depth_to_color/image_raw", depth, late_ns))
+        if index != 2:
+            messages.append(("/camera/color/image_raw", colour, time_ns))
+    path = write_ros2_bag(tmp_path / "bag", messages, "mcap")
+    source = pickle.loads(pickle.dumps(Recording(str(path)).open()))
+    assert source.yields is DepthFrame
+    assert source.ids == ("000000", "000001", "000003")
+    assert any("1 depths without a picture" in note for note in source.summary.notes)
+    for place, number in enumerate((0, 1, 3)):
+        frame = source.load(place)
+        np.testing.assert_array_equal(frame.image, drive[number].left)
+        expected = np.where(depths[number] == 0, np.nan, depths[number] / np.float32(1000))
+        np.testing.assert_array_equal(frame.depth.values, expected.astype(np.float32))
+        assert np.array_equal(frame.camera.K, rig.left.K)
+    assert Recording(str(path), take="depth").open().ids == source.ids
+    with pytest.raises(SourceEmpty):
+        Recording(str(path), take="pairs").open()
 
 
 # --- topics that cannot be read, damage -----------------------------------------------------
