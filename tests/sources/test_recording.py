@@ -28,6 +28,7 @@ from tests.recordings import (
     PERIOD_NS,
     START_NS,
     FoxgloveWriter,
+    fox_cloud,
     fox_transforms,
     foxglove_messages,
     header,
@@ -519,3 +520,54 @@ def test_headers_have_a_frame(drive: list[StereoFrame]) -> None:
     assert header(START_NS, "x").stamp.sec == START_NS // 10**9
     assert ros_compressed(b"1", START_NS, "x").format == "png"
     assert len(list(ros2_messages(drive))) == 4 * 6 + 1
+
+
+# --- clouds of others, packed ones ----------------------------------------------------------
+
+
+@pytest.mark.parametrize("encoding", ["protobuf", "json"])
+def test_clouds_of_foxglove_with_a_pose_of_their_own(tmp_path: Path, encoding: str) -> None:
+    """The pose in the message places the points in its frame; a pose of zeros is none."""
+    scan = small_drive(1)[0].scan
+    assert scan is not None
+    records = scan_records(scan)
+    with FoxgloveWriter(tmp_path / "a.mcap", encoding=encoding) as writer:
+        for index in range(3):
+            message = fox_cloud(records, START_NS + index * PERIOD_NS)
+            if index == 1:
+                message.pose.position.x = 5.0
+                message.pose.orientation.z = 1.0
+                message.pose.orientation.w = 0.0
+            if index == 2:
+                message.pose.orientation.w = 0.0
+            writer.write("/lidar", message, START_NS + index * PERIOD_NS)
+    source = Recording(str(tmp_path / "a.mcap")).open()
+    plain, turned, zero = (source.load(index).cloud for index in range(3))
+    np.testing.assert_array_equal(plain.xyz, scan.xyz)
+    np.testing.assert_array_equal(zero.xyz, scan.xyz)
+    np.testing.assert_allclose(turned.xyz, scan.xyz * [-1, -1, 1] + [5, 0, 0], atol=1e-5)
+    np.testing.assert_array_equal(plain.intensity, scan.reflectance)
+
+
+def test_clouds_packed_by_draco(tmp_path: Path) -> None:
+    """Columns to the last digit, coordinates to a millimetre; points in another order."""
+    pytest.importorskip("DracoPy")
+    (frame,) = named_clouds(["a"], points=500)
+    write_own(tmp_path / "a.mcap", [frame], cloud_format="draco")
+    got, want = Recording(str(tmp_path / "a.mcap")).open().load(0).cloud, frame.cloud
+    assert len(got) == len(want)
+    assert want.intensity is not None
+    assert got.intensity is not None
+    order, expected = np.argsort(got.intensity), np.argsort(want.intensity)
+    np.testing.assert_array_equal(got.intensity[order], want.intensity[expected])
+    np.testing.assert_allclose(got.xyz[order], want.xyz[expected], atol=0.002)
+    assert got.rgb is not None
+    assert want.rgb is not None
+    np.testing.assert_array_equal(got.rgb[order], want.rgb[expected])
+    np.testing.assert_array_equal(got.extra["ring"][order], want.extra["ring"][expected])
+    data = bytearray((tmp_path / "a.mcap").read_bytes())
+    at = data.find(b"DRACO")
+    data[at + 20 : at + 60] = bytes(40)
+    (tmp_path / "a.mcap").write_bytes(data)
+    with pytest.raises(RecordingError):
+        Recording(str(tmp_path / "a.mcap")).open().load(0)
