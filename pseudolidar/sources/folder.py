@@ -18,7 +18,7 @@ from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.rig_file import find_rig, read_any_rig
 from pseudolidar.formats.rig_json import missing_rig, rig_warnings
 from pseudolidar.formats.rig_reading import RigReading, RigUnit
-from pseudolidar.formats.timestamps import read_times
+from pseudolidar.formats.time_table import read_time_table
 from pseudolidar.sources.folder_layout import (
     Layout,
     explicit_layout,
@@ -28,12 +28,19 @@ from pseudolidar.sources.folder_layout import (
     pattern_layout,
 )
 from pseudolidar.sources.names import safe_id
+from pseudolidar.sources.pairing import Pairing
+from pseudolidar.sources.picture_times import times_by_name
 from pseudolidar.sources.source import SourceSummary
-from pseudolidar.sources.stamps import FrameTimes, read_frame_times, synthetic_times
+from pseudolidar.sources.stamps import (
+    TIMES_FILES,
+    FrameTimes,
+    read_frame_times,
+    synthetic_times,
+)
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import StereoFrame
 
-RIG_FILE, TIMES_FILE = "rig.json", "times.txt"
+RIG_FILE = "rig.json"
 # Pictures that are looked at for their size before a rig without one is refused.
 PICTURES_TRIED = 20
 
@@ -53,6 +60,8 @@ class Folders:
             `calib.txt`, OpenCV's or ROS's YAML.
         left_pattern: names of left pictures, such as `cam_a_*.png`.
         right_pattern: names of right pictures, such as `cam_b_*.png`.
+        times: file of times, of seconds, dates or nanoseconds: a line for each left picture, or
+            times with names of pictures; else `times.txt` and the like in the folder.
         rate_hz: frames a second, where no times are known.
         tolerance_s: names that are times are paired up to this difference.
         scale_calibration: scale the rig where pictures have another size.
@@ -65,6 +74,7 @@ class Folders:
     rig: str | None = None
     left_pattern: str | None = None
     right_pattern: str | None = None
+    times: str | None = None
     rate_hz: float = 10.0
     tolerance_s: float = 0.01
     scale_calibration: bool = False
@@ -80,13 +90,13 @@ class Folders:
             CalibrationMissing: no rig file.
             NotRectified: the rig is that of unrectified cameras.
             CalibrationSizeMismatch: all pictures have another size than the rig.
-            SequenceTime: `times.txt` does not fit.
+            SequenceTime: the file of times does not fit.
         """
         layout = self._layout()
-        pairing = layout.pairing
+        pairing, times = _times(self, layout)
+        layout = replace(layout, pairing=pairing)
         readings = _read_rigs(self, layout)
         rigs = tuple(reading.of_rectified for reading in readings)
-        times = _times(self, layout)
         source = FolderSource(
             summary=_summary(self, layout, readings, times),
             ids=tuple(safe_id(pair.key) for pair in pairing.pairs),
@@ -259,25 +269,34 @@ def _first_size(pictures: Sequence[Path], limits: Limits) -> tuple[int, int] | N
     return None
 
 
-def _times(settings: Folders, layout: Layout) -> FrameTimes:
-    """Times by name, by `times.txt` (a line for each left picture), or made up."""
-    pairs = layout.pairing.pairs
-    place = {key: number for number, key in enumerate(layout.pairing.left_keys)}
-    numbers = [place[pair.key] for pair in pairs]
-    stated = [pair.time_ns for pair in pairs]
-    if None not in stated:
+def _times(settings: Folders, layout: Layout) -> tuple[Pairing, FrameTimes]:
+    """Times of the pairs: of a file, by their names, or made up; a list may order them anew."""
+    pairing = layout.pairing
+    stated = [pair.time_ns for pair in pairing.pairs]
+    if None not in stated and settings.times is None:
         times = read_frame_times(layout.left, stated, range(len(stated)))
-        return replace(times, notes=("time: from the names of the pictures", *times.notes))
+        notes = ("time: from the names of the pictures", *times.notes)
+        return pairing, replace(times, notes=notes)
+    place = {key: number for number, key in enumerate(pairing.left_keys)}
+    numbers = [place[pair.key] for pair in pairing.pairs]
     file = _times_file(settings, layout)
     if file is None:
-        return synthetic_times(numbers, settings.rate_hz)
-    times = read_frame_times(file, read_times(file, limits=settings.limits), numbers)
-    return times if times.timestamps_ns[0] > 0 else times.after_zero()
+        return pairing, synthetic_times(numbers, settings.rate_hz)
+    table = read_time_table(file, limits=settings.limits)
+    if table.names is not None:
+        pairing, times = times_by_name(pairing, table)
+    else:
+        times = read_frame_times(file, table.stamps_ns, numbers)
+        times = replace(times, notes=(table.note, *times.notes))
+    return pairing, times if times.timestamps_ns[0] > 0 else times.after_zero()
 
 
 def _times_file(settings: Folders, layout: Layout) -> Path | None:
+    if settings.times is not None:
+        return Path(settings.times)
     places = (Path(settings.path), layout.left, layout.left.parent)
-    return next((place / TIMES_FILE for place in places if (place / TIMES_FILE).is_file()), None)
+    files = (place / name for place in places for name in TIMES_FILES)
+    return next((file for file in files if file.is_file()), None)
 
 
 def _summary(

@@ -263,7 +263,7 @@ class Video:
         if file is not None:
             entries = read_time_table(file, limits=self.limits)
             times = read_frame_times(file, entries.stamps_ns, numbers.tolist())
-            times = replace(times, notes=(entries.note, *times.notes))
+            times = replace(times, notes=(replace(entries, names=None).note, *times.notes))
             return times if times.timestamps_ns[0] > 0 else times.after_zero()
         if not video.index.timed:
             return synthetic_times(numbers.tolist(), self.rate_hz)
