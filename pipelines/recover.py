@@ -12,7 +12,7 @@ from pseudolidar.running.progress import ByteProgress
 from pseudolidar.running.table import table_text
 
 if TYPE_CHECKING:
-    from pseudolidar.formats.mcap_recover import Findings
+    from pseudolidar.formats.mcap_findings import Findings
 
 PART_SUFFIX = ".part"
 # Damaged places that are shown; --json has more.

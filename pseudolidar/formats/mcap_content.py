@@ -32,7 +32,8 @@ class McapContent:
         scan: store the LiDAR scan.
         labels: store the boxes of the data set.
         compression: of the recording; lz4 takes a tenth off and as long as all other packing.
-        split: pictures and clouds in files of their own, each complete in itself.
+        split: `images,clouds` puts pictures and clouds in files of their own, each complete in
+            itself.
     """
 
     profile: ProfileName = "foxglove"

@@ -20,7 +20,8 @@ from pseudolidar.formats.mcap_facts import (
     Stamp,
     Used,
 )
-from pseudolidar.formats.mcap_ros2 import CDR, POINT_FIELD_TYPES, ROS2
+from pseudolidar.formats.mcap_ros2 import CDR, ROS2
+from pseudolidar.formats.ros2_messages import POINT_FIELD_TYPES
 from pseudolidar.formats.timestamps import NS_PER_S
 
 BYTES_OF_TYPE = {number: int(kind[2:]) for kind, number in POINT_FIELD_TYPES.items()}

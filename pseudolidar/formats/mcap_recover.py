@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from io import FileIO
 from pathlib import Path
 from typing import BinaryIO
@@ -17,11 +15,11 @@ from mcap.writer import CompressionType, Writer
 
 from pseudolidar.errors import RecordingError
 from pseudolidar.formats.atomic import atomic_file
-from pseudolidar.formats.checksum import crc32
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.mcap_findings import Findings
 from pseudolidar.formats.mcap_frame import CHUNK_BYTES
-from pseudolidar.formats.mcap_records import MESSAGE_HEADER
-from pseudolidar.formats.mcap_salvage import Declared, Loss, Salvage, SavedMessage
+from pseudolidar.formats.mcap_salvage import Salvage
+from pseudolidar.formats.mcap_saved import Declared, SavedMessage
 
 COMPRESSIONS = {
     "lz4": CompressionType.LZ4,
@@ -29,77 +27,8 @@ COMPRESSIONS = {
     "none": CompressionType.NONE,
 }
 LIBRARY = "pseudolidar recover"
-# Losses that are listed one by one; a hostile file may have millions.
-LISTED = 1000
-
 # Told how far a pass has come: bytes of the file.
 Progress = Callable[[int], None]
-
-
-@dataclass
-class Findings:
-    """What a pass over a recording has found.
-
-    Args:
-        saved: messages by topic.
-        unchecked: how many of them are from chunks that are cut or damaged.
-        lost: messages by topic that are known to be lost.
-        losses: damaged places in order, the first thousand.
-        places: how many there are.
-        lost_bytes: bytes in them.
-        unknown: whether messages may be lost that nothing tells of.
-        attachments: saved.
-        metadata: saved.
-        contents: CRC of every message with its topic and times, in order.
-    """
-
-    saved: Counter[str] = field(default_factory=Counter)
-    unchecked: int = 0
-    lost: Counter[str] = field(default_factory=Counter)
-    losses: list[Loss] = field(default_factory=list)
-    places: int = 0
-    lost_bytes: int = 0
-    unknown: bool = False
-    attachments: int = 0
-    metadata: int = 0
-    contents: int = 0
-
-    @property
-    def intact(self) -> bool:
-        """Nothing is wrong."""
-        return not self.places
-
-    @property
-    def complete(self) -> bool:
-        """No message is lost, or may be another than it was."""
-        return not (self.lost or self.unknown or self.unchecked)
-
-    def add_message(
-        self, topic: str, sequence: int, log_time_ns: int, publish_time_ns: int, data: memoryview
-    ) -> None:
-        """A message was saved, or read back."""
-        self.saved[topic] += 1
-        head = MESSAGE_HEADER.pack(0, sequence, log_time_ns, publish_time_ns)
-        self.contents = crc32(data, crc32(head, crc32(topic.encode(), self.contents)))
-
-    def add_loss(self, loss: Loss) -> None:
-        """A place is damaged."""
-        self.places += 1
-        self.lost_bytes += loss.nbytes
-        if loss.messages is not None:
-            self.lost.update(loss.messages)
-        elif loss.nbytes:
-            self.unknown = True
-        if len(self.losses) < LISTED:
-            self.losses.append(loss)
-
-    def settle(self, claimed: Mapping[str, int] | None) -> None:
-        """What the summary claims settles what is lost, where it is left."""
-        if claimed is not None:
-            missing = Counter(claimed)
-            missing.subtract(self.saved)
-            self.lost = Counter({topic: n for topic, n in missing.items() if n > 0})
-            self.unknown = False
 
 
 def inspect_recording(
@@ -127,7 +56,7 @@ def inspect_recording(
     with _opened(path) as file:
         salvage = Salvage(file, keep_damaged=keep_damaged, limits=limits)
         for saved in salvage.run():
-            _note(findings, saved)
+            findings.note(saved)
             progress(salvage.position)
     findings.settle(salvage.claimed)
     return findings, salvage.declared, salvage.compression or "none"
@@ -167,7 +96,7 @@ def recover_recording(
         copy = _Copy(target, compression, known)
         for saved in salvage.run():
             copy.add(saved)
-            _note(findings, saved)
+            findings.note(saved)
             progress(salvage.position)
         copy.finish()
         target.flush()
@@ -217,25 +146,6 @@ def read_back(path: Path) -> Findings:
     if counted is None or counted.message_count != findings.saved.total():
         raise ValueError("its index counts other messages than there are")
     return findings
-
-
-def _note(findings: Findings, saved: object) -> None:
-    match saved:
-        case SavedMessage():
-            findings.add_message(
-                saved.channel.topic,
-                saved.sequence,
-                saved.log_time_ns,
-                saved.publish_time_ns,
-                saved.data,
-            )
-            findings.unchecked += saved.damaged
-        case Loss():
-            findings.add_loss(saved)
-        case Attachment():
-            findings.attachments += 1
-        case Metadata():
-            findings.metadata += 1
 
 
 def _opened(path: Path) -> FileIO:

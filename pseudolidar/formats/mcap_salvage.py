@@ -5,9 +5,8 @@ from __future__ import annotations
 import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from io import FileIO
-from typing import TypeAlias
 
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -38,6 +37,7 @@ from pseudolidar.formats.mcap_records import (
     parsed,
     unpacked,
 )
+from pseudolidar.formats.mcap_saved import Declared, Loss, Saved, SavedMessage
 from pseudolidar.formats.mcap_scan import EndMark, Gap, surviving_records
 
 # What a chunk holds.
@@ -45,62 +45,6 @@ IN_CHUNKS = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
 # The last field of an attachment, and of a footer.
 CRC_BYTES = 4
 DATA_CRC = struct.Struct("<I")
-
-
-@dataclass(frozen=True, eq=False)
-class SavedMessage:
-    """A whole message.
-
-    Args:
-        channel: what it was sent on.
-        schema: of the channel; None where that has none, or it is lost.
-        sequence: counter of its publisher.
-        log_time_ns: time it is filed under.
-        publish_time_ns: time it was sent.
-        data: serialised message.
-        damaged: it is from a chunk that is cut or damaged: nothing tells whether it is as it was.
-    """
-
-    channel: Channel
-    schema: Schema | None
-    sequence: int
-    log_time_ns: int
-    publish_time_ns: int
-    data: memoryview
-    damaged: bool = False
-
-
-@dataclass(frozen=True)
-class Loss:
-    """Bytes that nothing is saved of, or not all.
-
-    Args:
-        offset: first byte.
-        nbytes: how many.
-        reason: what is wrong.
-        messages: how many were in it by topic, where an index tells; None where nothing does.
-    """
-
-    offset: int
-    nbytes: int
-    reason: str
-    messages: Mapping[str, int] | None = None
-
-
-Saved: TypeAlias = Header | SavedMessage | Attachment | Metadata | Loss
-
-
-@dataclass
-class Declared:
-    """What channels mean.
-
-    Args:
-        schemas: by identifier.
-        channels: by identifier.
-    """
-
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
 
 
 class Salvage:

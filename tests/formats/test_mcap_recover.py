@@ -26,8 +26,9 @@ from pseudolidar.errors import RecordingError
 from pseudolidar.formats.limits import Limits
 from pseudolidar.formats.mcap import McapLog, part_path
 from pseudolidar.formats.mcap_check import check_mcap
+from pseudolidar.formats.mcap_findings import Findings
 from pseudolidar.formats.mcap_records import MAGIC, record_bytes
-from pseudolidar.formats.mcap_recover import Findings, inspect_recording, recover_recording
+from pseudolidar.formats.mcap_recover import inspect_recording, recover_recording
 from tests.formats.test_mcap_log import CHILD, PROLOG, chunk
 
 TIME_NS = 1_317_013_333_000_000_000

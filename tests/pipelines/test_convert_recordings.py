@@ -17,8 +17,10 @@ from pseudolidar.formats.mcap_content import McapContent
 from pseudolidar.formats.pcd import read_pcd, write_pcd
 from pseudolidar.running.outputs import Outputs
 from pseudolidar.sources.recognise import recognise
+from pseudolidar.sources.synthetic import Synthetic
 from tests.formats.test_mcap_messages import full_cloud
 from tests.pipelines.test_convert_interrupted import killed_on_the_way, tree
+from tests.sources.test_tum_depth import tum
 
 
 def job(source, out, content, *, to="mcap", **options):
@@ -87,3 +89,15 @@ def test_clouds_go_into_a_recording_and_come_out_with_all_columns(tmp_path, prof
     assert found.extra.keys() == cloud.extra.keys()
     for name, values in cloud.extra.items():
         np.testing.assert_array_equal(found.extra[name], values)
+
+
+@pytest.mark.parametrize("profile", ["foxglove", "ros2"])
+def test_pictures_with_depth_become_recordings(tmp_path, profile):
+    source = Synthetic("room", frames=2, width_px=160).open()
+    folder = tum(tmp_path / "tum", [source.load(index) for index in range(2)])
+    run(job(folder, tmp_path / "out", McapContent(profile=profile)))
+    (recording,) = (tmp_path / "out").glob("*.mcap")
+    summary = check_mcap(recording)
+    assert summary.frames >= 1
+    wanted = {"/camera/depth", "/points", "/tf", "/frame"}
+    assert {topic for topic in wanted if summary.messages[topic] == summary.frames} == wanted
