@@ -45,6 +45,11 @@ class Findings:
     contents: int = 0
 
     @property
+    def kept(self) -> tuple[Counter[str], int, int, int]:
+        """What another recording of the same must have."""
+        return self.saved, self.contents, self.attachments, self.metadata
+
+    @property
     def intact(self) -> bool:
         """Nothing is wrong."""
         return not self.places
