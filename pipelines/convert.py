@@ -7,11 +7,17 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
+from pseudolidar.clouds.beams import BeamCount, Beams
+from pseudolidar.clouds.crop import Box, Range
+from pseudolidar.clouds.ground import Label, Remove
+from pseudolidar.clouds.normals import Normals
+from pseudolidar.clouds.thin import Density, Uniform, Voxel
+from pseudolidar.clouds.tool import CloudTools
 from pseudolidar.formats.mcap_content import McapContent
 from pseudolidar.formats.rig_reading import RigUnit
 from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in, placed
 from pseudolidar.geometry.depth import depth_map
-from pseudolidar.geometry.frames import camera_tree
+from pseudolidar.geometry.frames import camera_tree, frame_tree
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.colmap_model import ColmapModel
 from pseudolidar.running.conversion_page import write_conversion_page
@@ -89,6 +95,11 @@ class Convert:
         check_maps: look up in the pictures whether that scale is the right one.
         sigma_px: error (68 %) of such maps, px of disparity; unknown by default.
         reproject: which pixels become points, and how.
+        ground: what happens to the ground's points: label them (column `ground`), or remove them.
+        crop: only points in a box, or at some distance.
+        normals: add the directions that surfaces face, columns nx, ny, nz.
+        beams: only what a spinning LiDAR would measure, an HDL-64E or one with fewer beams.
+        thin: fewer points, how.
         mcap: what a recording holds.
         kitti: thinning to beams and the split of a training tree.
         colmap: how many points a COLMAP model has.
@@ -129,6 +140,11 @@ class Convert:
     check_maps: Annotated[bool, RUN_ONLY] = True
     sigma_px: float | None = None
     reproject: Reproject = field(default_factory=Reproject)
+    ground: Label | Remove | None = None
+    crop: Box | Range | None = None
+    normals: bool = False
+    beams: BeamCount | None = None
+    thin: Voxel | Uniform | Density | None = None
     # Unpacked: lz4 takes longer than encoding all the rest of a frame, and saves 10 % of the bytes.
     mcap: McapContent = field(default_factory=McapContent)
     kitti: KittiTree = field(default_factory=KittiTree)
@@ -206,6 +222,7 @@ class ConvertFrame:
         refine: disparity to a smoother or denser one.
         reproject: disparity to points.
         frame: coordinate frame of the clouds, None for the usual one of what a frame knows.
+        tools: what is done to clouds in that frame.
         outputs: what is encoded.
         content: what the recording holds.
         trees: layouts of other tools.
@@ -218,6 +235,7 @@ class ConvertFrame:
     refine: MapFilters
     reproject: Reprojector
     frame: CloudFrame | None
+    tools: CloudTools
     outputs: Outputs
     content: McapContent
     trees: Trees
@@ -242,9 +260,14 @@ class ConvertFrame:
         if job.temporal is not None:
             fuse = job.temporal.load(matcher, pairs_of(whole(source)))
             matcher, refine = fuse.sightings, refine.after(fuse)
+        normals = Normals() if job.normals else None
+        beams = None if job.beams is None else Beams(job.beams)
+        tools = CloudTools.load(job.ground, job.crop, normals, beams, job.thin)
         trees = Trees.of(job.to.trees, job.kitti, job.colmap, source)
         shown = sampled_frames(source.ids)
-        plain = cls(matcher, clean, refine, reproject, job.frame, job.to, job.mcap, trees, shown)
+        plain = cls(
+            matcher, clean, refine, reproject, job.frame, tools, job.to, job.mcap, trees, shown
+        )
         if not job.video:
             return plain
         artist = PreviewArtist.of(job.preview, source, plain.converted, crew=job.crew)
@@ -274,13 +297,14 @@ class ConvertFrame:
         """
         match frame:
             case StereoFrame():
-                return self.pair(frame)
+                converted = self.pair(frame)
             case RecordedCloud():
-                return Converted(frame, placed(frame.cloud, frame.tree, self.frame))
+                converted = Converted(frame, placed(frame.cloud, frame.tree, self.frame))
             case DepthFrame():
                 cloud = self.reproject.of_depth(frame)
                 cloud = placed(cloud, camera_tree(frame.camera), self.frame)
-                return Converted(frame, cloud, depth=frame.depth)
+                converted = Converted(frame, cloud, depth=frame.depth)
+        return tooled(converted, self.tools)
 
     @property
     def least_density(self) -> float:
@@ -290,19 +314,33 @@ class ConvertFrame:
         return 0.0 if isinstance(inner, GivenMaps) else MIN_DENSITY
 
     def pair(self, frame: StereoFrame) -> Converted:
-        """Match, clean, refine, reproject."""
+        """Match, refine, clean, reproject."""
         check_pair(frame)
         matched = self.matcher(frame)
         check_texture(frame, matched, least=self.least_density)
-        cleaned = self.clean(frame, matched)
-        disparity, counts = self.refine(frame, cleaned.disparity)
+        refined, counts = self.refine(frame, matched)
+        cleaned = self.clean(frame, refined)
+        disparity = cleaned.disparity
         depth = depth_map(disparity, frame.rig)
         frame = replace(frame, notes=(*frame.notes, *scale_notes(frame, disparity, depth)))
         cloud = self.reproject(frame, disparity)
         placed = cloud.transformed(left_in(frame.rig, self.frame or default_frame(frame.rig)))
         return Converted(
-            frame, placed, disparity, depth, {**cleaned.counts, **counts}, cleaned.reason
+            frame, placed, disparity, depth, {**counts, **cleaned.counts}, cleaned.reason
         )
+
+
+def tooled(converted: Converted, tools: CloudTools) -> Converted:
+    """The frame with what `tools` make of its cloud; they see what is known about frames."""
+    match converted.frame:
+        case StereoFrame() as pair:
+            tree = frame_tree(pair.rig, pair.pose)
+        case DepthFrame() as picture:
+            tree = camera_tree(picture.camera, picture.pose)
+        case RecordedCloud() as recorded:
+            tree = recorded.tree
+    cloud, figures = tools(converted.cloud, tree)
+    return replace(converted, cloud=cloud, counts={**converted.counts, **figures})
 
 
 def opened(job: Convert) -> FrameSequence[Frame]:

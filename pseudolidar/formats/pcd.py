@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -36,6 +37,8 @@ _TYPES = {"f": "F", "i": "I", "u": "U"}
 _SIZES = np.dtype("<u4")
 # A field holds colours where it has one of these names and 4 bytes B, G, R, alpha.
 _COLOURS = ("rgb", "rgba")
+# Normals as PCL names them; PLY, and columns here, say nx.
+NORMALS = {"nx": "normal_x", "ny": "normal_y", "nz": "normal_z"}
 # Of LZF (`lzf.LARGEST_EXPANSION`, which is not imported here for the weight of numba).
 _LARGEST_EXPANSION = 88
 
@@ -78,6 +81,7 @@ def encode_pcd(cloud: PointCloud, *, encoding: Encoding = "binary") -> bytes:
         StructureError: an extra column that cannot be a field.
     """
     scalars, dtypes = storable(scalar_fields(cloud))
+    scalars = {_renamed(name, scalars, NORMALS): column for name, column in scalars.items()}
     columns: dict[str, AnyArray] = {axis: cloud.xyz[:, i] for i, axis in enumerate("xyz")}
     if cloud.rgb is not None:
         columns["rgb"] = _packed(cloud.rgb, "<u4" if encoding == "ascii" else "<f4")
@@ -242,4 +246,11 @@ def _named(header: PcdHeader, values: list[AnyArray]) -> tuple[dict[str, AnyArra
                 named["alpha"] = unpacked[:, 3].copy()
         else:
             named[field.name] = column[:, 0].copy()
-    return named, rgb
+    own = {pcl: name for name, pcl in NORMALS.items()}
+    return {_renamed(name, named, own): column for name, column in named.items()}, rgb
+
+
+def _renamed(name: str, among: Collection[str], names: Mapping[str, str]) -> str:
+    """The other name of a column, unless one of that name is there too."""
+    other = names.get(name, name)
+    return name if other in among else other

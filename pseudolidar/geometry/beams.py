@@ -17,8 +17,6 @@ HDL64_LASERS_A_BLOCK = 32
 HDL64_AZIMUTH_STEP_DEG = 0.1728
 # It measures between these ranges, metres.
 HDL64_RANGE_M = (0.9, 120.0)
-# A point farther from every laser is between the beams: half the HDL-64E's wider spacing.
-LARGEST_OFF_BEAM_DEG = 0.25
 
 
 @dataclass(frozen=True)
@@ -66,29 +64,18 @@ def every_nth_beam(table: BeamTable, beams: int) -> BeamTable:
 def seen_by_beams(xyz: AnyArray, table: BeamTable) -> Int64:
     """Rows of the points that a LiDAR at the origin would have measured, increasing.
 
-    Of the points nearest to a direction of the table the nearest one is measured; a point belongs
-    to a laser within half the gap to its neighbours (a quarter of a degree at most) and to one
-    azimuth step.
+    Of the points within the footprint of a firing the nearest surface returns; of its points the
+    one closest to the beam's axis is taken. A point belongs to the laser that is nearest, within
+    an eighth of a degree (those of the upper block are a third apart), and to one azimuth step.
 
     Args:
         xyz: (N, 3) m in a frame with x forward, y left, z up.
         table: directions and range.
     """
-    flat_m = np.hypot(xyz[:, 0], xyz[:, 1])
-    range_m = np.hypot(flat_m, xyz[:, 2])
-    elevation = np.degrees(np.arctan2(xyz[:, 2], flat_m))
-    azimuth = np.degrees(np.arctan2(xyz[:, 1], xyz[:, 0])) % 360
-    lasers = np.sort(np.array(table.elevations_deg))
-    after = np.clip(np.searchsorted(lasers, elevation), 1, max(1, len(lasers) - 1))
-    pair = np.stack([after - 1, np.minimum(after, len(lasers) - 1)])
-    off = np.abs(lasers[pair] - elevation)
-    laser = np.where(off[0] <= off[1], pair[0], pair[1])
-    hit = off.min(axis=0) <= LARGEST_OFF_BEAM_DEG
-    hit &= (range_m >= table.range_m[0]) & (range_m <= table.range_m[1])
-    steps = round(360.0 / table.azimuth_step_deg)
-    step = np.rint(azimuth / table.azimuth_step_deg).astype(np.int64) % steps
-    rows = np.flatnonzero(hit)
-    cell = laser[rows] * steps + step[rows]
-    order = np.lexsort((rows, range_m[rows], cell))
-    _cells, first = np.unique(cell[order], return_index=True)
-    return np.sort(rows[order[first]])
+    from pseudolidar.geometry.beam_kernels import nearest_returns
+
+    lasers = np.radians(np.sort(np.array(table.elevations_deg)))
+    keep = np.zeros(len(xyz), np.bool_)
+    points = np.ascontiguousarray(xyz, np.float64)
+    nearest_returns(points, lasers, len(table.azimuths_rad()), np.array(table.range_m), keep)
+    return np.flatnonzero(keep)

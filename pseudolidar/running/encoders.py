@@ -49,7 +49,7 @@ class Converted:
         cloud: points in the frame that clouds are handed over in.
         disparity: of the left image of a pair.
         depth: of the left image, or of the only one.
-        counts: what filters did, by name, for the report.
+        counts: what filters and tools did, by name, for the report.
         removed: (H, W) why cleaning removed a pixel, as `stereo.clean.Cleaned.reason`.
     """
 
@@ -57,7 +57,7 @@ class Converted:
     cloud: PointCloud
     disparity: DisparityMap | None = None
     depth: DepthMap | None = None
-    counts: Mapping[str, int] = field(default_factory=dict)
+    counts: Mapping[str, float] = field(default_factory=dict)
     removed: UInt8 | None = None
 
     @property

@@ -66,10 +66,16 @@ def matcher() -> str:
 
 
 def filters() -> str:
-    """Compile or load the kernels of cleaning and of the optional filters, and filter a wall."""
+    """Compile or load the kernels of cleaning, optional filters and tools, and filter a wall."""
+    from pseudolidar.clouds.beams import Beams
+    from pseudolidar.clouds.normals import Normals
+    from pseudolidar.clouds.tool import CloudTools
+    from pseudolidar.geometry.frames import frame_tree
+    from pseudolidar.geometry.normals import normals_of_neighbours
     from pseudolidar.stereo.clean import Clean
     from pseudolidar.stereo.filled_map import Surfaces
     from pseudolidar.stereo.map_filter import MapFilters
+    from pseudolidar.stereo.reproject import Reproject
     from pseudolidar.stereo.smoothed_map import Fgs
     from pseudolidar.stereo.temporal import Kalman
     from pseudolidar.structures.disparity import DisparityMap
@@ -84,6 +90,12 @@ def filters() -> str:
     _check(np.allclose(fused.values, _SHIFT_PX, atol=0.01), "a flat wall, seen twice")
     cleaned = Clean().load()(frame, DisparityMap(values, np.full_like(values, 0.1)))
     _check(not cleaned.reason[:, _SHIFT_PX:].any(), "a flat wall, cleaned")
+    cloud = Reproject().load()(trial_frame(), wall)
+    tools = CloudTools.load(Normals(), Beams())
+    beams, _ = tools(cloud, frame_tree(trial_frame().rig))
+    _check(bool(np.nanmax(np.abs(beams.extra["nz"] + 1)) < 0.01), "normals of a flat wall")
+    in_space = normals_of_neighbours(cloud.xyz[:500], np.zeros(3))
+    _check(np.allclose(in_space[:, 2], -1, atol=0.01), "normals of its points in space")
     return "kernels compiled, a flat wall stayed flat"
 
 

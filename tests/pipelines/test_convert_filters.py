@@ -103,6 +103,57 @@ def test_flags_of_the_filters(tmp_path):
     assert np.isfinite(cloud.sigma_m).all()
 
 
+def converted(tmp_path, *flags, source="synthetic:street:2"):
+    out = tmp_path / "out"
+    size = ["--width-px", "256", "--matcher.disparities", "32"] if "synthetic" in source else []
+    assert main(["convert", source, str(out), *flags, *size, "--overwrite"]) == 0
+    report = json.loads((out / "report.json").read_text())
+    return [read_pcd(path) for path in sorted((out / "pcd").iterdir())], report["figures"]
+
+
+def test_flags_of_the_cloud_tools(tmp_path):
+    (whole, _), figures = converted(tmp_path, "--ground", "label", "--normals")
+    assert {"ground", "nx", "ny", "nz"} <= whole.extra.keys()
+    assert figures["ground_height_m"]["mean"] == pytest.approx(1.83, abs=0.4)  # small pictures
+    (bare, _), _ = converted(tmp_path, "--ground", "remove", "--ground.fit.thickness-m", "0.15")
+    assert len(bare) == len(whole) - whole.extra["ground"].sum()
+    (box, _), _ = converted(tmp_path, "--crop", "box:5:20", "--crop.y=-4:4")
+    assert box.xyz[:, 0].min() >= 5
+    assert np.abs(box.xyz[:, 1]).max() <= 4
+    (near, _), _ = converted(tmp_path, "--crop", "range:3:15", "--thin", "voxel:0.5")
+    assert 0 < len(near) < len(whole)
+    (some, _), _ = converted(tmp_path, "--thin", "uniform:500")
+    assert len(some) == 500
+    (even, _), _ = converted(tmp_path, "--thin", "density:500")
+    assert len(even) == 500
+    counts = [len(converted(tmp_path, "--beams", n)[0][0]) for n in ("64", "16", "4")]
+    assert counts == sorted(counts, reverse=True)
+    assert counts[-1] > 0
+
+
+def test_cloud_tools_serve_recorded_clouds_too(tmp_path):
+    first = tmp_path / "first"
+    flags = ["--width-px", "256", "--matcher.disparities", "32"]
+    assert main(["convert", "synthetic:street:2", str(first), *flags]) == 0
+    before = [read_pcd(path) for path in sorted((first / "pcd").iterdir())]
+    after, figures = converted(
+        tmp_path, "--ground", "label", "--thin", "voxel:0.5", "--normals", source=str(first / "pcd")
+    )
+    for whole, part in zip(before, after, strict=True):
+        assert 0 < len(part) < len(whole)
+        assert {"ground", "nx", "ny", "nz"} <= part.extra.keys()
+        known = {row.tobytes() for row in whole.xyz}
+        assert all(row.tobytes() in known for row in part.xyz)
+    assert figures["points_thinned"]["min"] > 0
+
+
+def test_a_box_in_a_frame_that_is_not_there_skips_with_a_reason(tmp_path, capsys):
+    out = str(tmp_path / "out")
+    flags = ["--crop", "box:0:9", "--crop.frame", "radar", "--width-px", "256"]
+    assert main(["convert", "synthetic:street:1", out, *flags]) != 0
+    assert "no transforms from 'velodyne' to 'radar'" in "".join(capsys.readouterr())
+
+
 def test_temporal_without_poses_says_so(drive, tmp_path, capsys):
     assert main(["convert", str(drive), str(tmp_path / "out"), "--temporal", "kalman"]) == 3
     error = capsys.readouterr().err

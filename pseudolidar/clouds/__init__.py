@@ -1,0 +1,1 @@
+"""Clouds made fit for use: cropped, thinned, labelled, merged."""
