@@ -67,6 +67,9 @@ COMPRESSIONS = (b"", b"lz4", b"zstd")
 _HEAD = re.compile(rb"(?=[\x01-\x0f][\s\S]{5}\0\0\0)")
 LONGEST_BYTES = 2**40
 WINDOW_BYTES = 1 << 20
+# Longest record that is read to tell whether it is one where a search comes by: a hostile file may
+# have something like a head every nine bytes.
+SEARCHED_BYTES = 1 << 16
 # What tells by itself where it ends: a chunk's lengths, one within the other.
 CHUNK_HEAD_BYTES = CHUNK_START.size + 4 + DATA_LENGTH.size
 
@@ -175,7 +178,7 @@ class _Scan:
             return False
         if not self._follows(body + length):
             return False
-        if length > WINDOW_BYTES:
+        if length > SEARCHED_BYTES:
             return opcode in (Opcode.ATTACHMENT, Opcode.MESSAGE)
         return not _unsound(RawRecord(opcode, offset, self._bytes(body, length)))
 

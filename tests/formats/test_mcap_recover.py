@@ -9,6 +9,7 @@ import signal
 import struct
 import subprocess
 import sys
+import time
 import tracemalloc
 from collections import Counter
 from collections.abc import Callable
@@ -426,3 +427,19 @@ def test_findings_are_plain(tmp_path: Path) -> None:
     write(path)
     findings, _, _ = inspect_recording(path)
     assert json.loads(json.dumps(findings.saved)) == dict.fromkeys(TOPICS, 100)
+
+
+def test_heads_of_records_at_every_turn_cost_no_hours(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    messages = write(path)
+    data = path.read_bytes()
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    at = summary.chunk_indexes[3].chunk_start_offset
+    fakes = b"".join(struct.pack("<BQ", Opcode.METADATA, 9 * 6000) for _ in range(20_000))
+    path.write_bytes(data[:at] + b"\xff" * 3 + fakes + data[at:])
+    begin = time.process_time()
+    _, saved = recover(path)
+    assert time.process_time() - begin < 20
+    assert saved == messages
