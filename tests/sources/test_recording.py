@@ -305,7 +305,7 @@ def test_stamps_of_a_simulation_have_their_own_clock(tmp_path: Path) -> None:
     """Stamps count from the start of the simulation, filing times are of today."""
     drive = [
         replace(frame, timestamp_ns=10**9 + i * PERIOD_NS, scan=None)
-        for i, frame in enumerate(small_drive(3))
+        for i, frame in enumerate(small_drive(14))
     ]
     messages = [
         (t, m, START_NS + n * 1_000_000) for n, (t, m, _) in enumerate(ros2_messages(drive))
