@@ -13,7 +13,8 @@ from pseudolidar.formats.raw_picture import depth_values_m, picture_pixels
 from pseudolidar.formats.recorded_messages import EncodedPicture, RawPicture
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.sources.recording_clouds import ID_DIGITS, order_note
-from pseudolidar.sources.recording_stereo import LEFT, Eye
+from pseudolidar.sources.recording_eyes import Eye
+from pseudolidar.sources.recording_stereo import LEFT
 from pseudolidar.sources.recording_topics import Topics, nearest_pairs
 from pseudolidar.sources.source import SourceSummary
 from pseudolidar.structures.camera import Camera

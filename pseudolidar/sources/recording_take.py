@@ -19,15 +19,10 @@ from pseudolidar.formats.rig_file import read_any_rig
 from pseudolidar.sources.recording import Recording
 from pseudolidar.sources.recording_clouds import open_clouds
 from pseudolidar.sources.recording_depth import open_depth
+from pseudolidar.sources.recording_eyes import Eye, eyes_of
 from pseudolidar.sources.recording_frames import RecordedFrames
 from pseudolidar.sources.recording_pairs import open_pairs
-from pseudolidar.sources.recording_stereo import (
-    Eye,
-    StereoTopics,
-    eyes_of,
-    find_pair,
-    given_eyes,
-)
+from pseudolidar.sources.recording_stereo import StereoTopics, find_pair, given_eyes
 from pseudolidar.sources.recording_topics import Topic, Topics
 from pseudolidar.sources.source import FrameSequence, SourceSummary
 from pseudolidar.structures.pose import Pose
