@@ -14,11 +14,11 @@ from pseudolidar.errors import PointFileMissing, PointFileTruncated, Pseudolidar
 from pseudolidar.formats.columns import Notes
 from pseudolidar.formats.image_kinds import SNIFFED_BYTES, content_kind
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.npz import read_npz, read_npz_time
-from pseudolidar.formats.pcd import pcd_header, read_pcd, salvage_pcd
-from pseudolidar.formats.ply import ply_header, read_ply, salvage_ply
-from pseudolidar.formats.point_file import MAX_HEADER_BYTES, Salvaged, read_point_bytes
-from pseudolidar.formats.velodyne_bin import POINT_BYTES, read_velodyne_bin
+from pseudolidar.formats.npz import npz_facts, read_npz, read_npz_time
+from pseudolidar.formats.pcd import pcd_facts, pcd_header, read_pcd, salvage_pcd
+from pseudolidar.formats.ply import ply_facts, ply_header, read_ply, salvage_ply
+from pseudolidar.formats.point_file import MAX_HEADER_BYTES, CloudFacts, Salvaged, read_point_bytes
+from pseudolidar.formats.velodyne_bin import POINT_BYTES, read_velodyne_bin, velodyne_bin_facts
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.frame import LidarScan
 
@@ -44,12 +44,14 @@ class CloudFormat:
     Args:
         name: for people.
         read: file to cloud.
+        facts: what the header of a file says.
         time_ns: the time that a file notes, read without its points; 0 where it notes none.
         salvage: bytes of a file that ends early to its whole points; None where that has none.
     """
 
     name: str
     read: CloudReader
+    facts: Callable[[Path], CloudFacts]
     time_ns: Callable[[Path], int]
     salvage: CloudSalvage | None = None
 
@@ -192,12 +194,12 @@ def is_cloud_file(path: Path) -> bool:
 
 # The one that keeps most first: of files that differ by extension only, the first is read.
 FORMATS: Mapping[str, CloudFormat] = {
-    ".npz": CloudFormat("NPZ", read_npz, read_npz_time),
+    ".npz": CloudFormat("NPZ", read_npz, npz_facts, read_npz_time),
     ".pcd": CloudFormat(
-        "PCD", read_pcd, _header_time(lambda data: pcd_header(data).notes), salvage_pcd
+        "PCD", read_pcd, pcd_facts, _header_time(lambda data: pcd_header(data).notes), salvage_pcd
     ),
     ".ply": CloudFormat(
-        "PLY", read_ply, _header_time(lambda data: ply_header(data).notes), salvage_ply
+        "PLY", read_ply, ply_facts, _header_time(lambda data: ply_header(data).notes), salvage_ply
     ),
-    ".bin": CloudFormat("Velodyne .bin", _read_bin, lambda _: 0),
+    ".bin": CloudFormat("Velodyne .bin", _read_bin, velodyne_bin_facts, lambda _: 0),
 }

@@ -73,13 +73,18 @@ def read_image(path: str | Path, *, limits: Limits = DEFAULT_LIMITS) -> DecodedI
 
 def read_size(path: str | Path, *, limits: Limits = DEFAULT_LIMITS) -> tuple[int, int]:
     """(width, height) of a picture by its header; its pixels are not decoded. Raises as above."""
+    header = read_header(path, limits=limits)
+    return header.width_px, header.height_px
+
+
+def read_header(path: str | Path, *, limits: Limits = DEFAULT_LIMITS) -> ImageHeader:
+    """The header of a whole picture; its pixels are not decoded. Raises as above."""
     path = Path(path)
     data = _read_bytes(path, limits)
     try:
-        header = _checked_header(data, check_kind(data, path), limits)
+        return _checked_header(data, check_kind(data, path), limits)
     except PseudolidarError as error:
         raise error.located(path) from error.__cause__
-    return header.width_px, header.height_px
 
 
 def decode_image(data: bytes, path: str | Path, *, limits: Limits = DEFAULT_LIMITS) -> DecodedImage:

@@ -10,6 +10,7 @@ import zipfile
 import zlib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import IO, Any
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.columns import UNKNOWN_FRAME, check_extras
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.point_file import (
+    CloudFacts,
     check_point_limit,
     read_point_bytes,
     refuse_other_content,
@@ -91,6 +93,32 @@ def read_npz_time(path: Path) -> int:
     except _BROKEN:
         return 0  # what is wrong is told when the points are read
     return time_ns if isinstance(time_ns, int) else 0
+
+
+def npz_facts(path: Path) -> CloudFacts:
+    """The arrays of an archive by their headers.
+
+    Raises:
+        PointFileMissing, PointFileCorrupt: it cannot be read.
+    """
+    columns: list[tuple[str, str]] = []
+    points = 0
+    try:
+        with zipfile.ZipFile(path) as archive:
+            for member in archive.infolist():
+                name = member.filename.removesuffix(_SUFFIX)
+                with archive.open(member) as file:
+                    shape, _, dtype = _array_header(file)
+                if name == "xyz":
+                    points = shape[0] if shape else 0
+                if name not in _FACTS:
+                    width = f" x {shape[1]}" if len(shape) > 1 else ""
+                    columns.append((name, f"{dtype.name}{width}"))
+    except FileNotFoundError as error:
+        raise PointFileMissing("no such file", want="an NPZ", path=path) from error
+    except _BROKEN as error:
+        raise PointFileCorrupt("a damaged archive", want="an NPZ", path=path) from error
+    return CloudFacts(points, tuple(columns), "npz", "", read_npz_time(path))
 
 
 def encode_npz(cloud: PointCloud) -> bytes:
@@ -181,13 +209,18 @@ def _arrays(data: bytes, limits: Limits) -> dict[str, AnyArray]:
         return {m.filename.removesuffix(_SUFFIX): _array(archive, m, limits) for m in members}
 
 
+def _array_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    version = np.lib.format.read_magic(file)
+    read = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
+    shape, fortran, dtype = read[version[0]](file, _LONGEST_ARRAY_HEADER)
+    return shape, fortran, dtype
+
+
 def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, limits: Limits) -> AnyArray:
     where = f"array {member.filename[:80]!r}"
     try:
         with archive.open(member) as file:
-            version = np.lib.format.read_magic(file)
-            read = {1: np.lib.format.read_array_header_1_0, 2: np.lib.format.read_array_header_2_0}
-            shape, fortran, dtype = read[version[0]](file, _LONGEST_ARRAY_HEADER)
+            shape, fortran, dtype = _array_header(file)
             body = file.read()
     except _BROKEN as error:
         raise PointFileCorrupt(

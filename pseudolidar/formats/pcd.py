@@ -21,6 +21,8 @@ from pseudolidar.formats.columns import assemble, notes_of, scalar_fields, stora
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.pcd_header import PADDING, PcdField, PcdHeader, parse_header
 from pseudolidar.formats.point_file import (
+    MAX_HEADER_BYTES,
+    CloudFacts,
     Salvaged,
     check_claim,
     check_point_limit,
@@ -113,6 +115,19 @@ def pcd_header(data: bytes) -> PcdHeader:
     """
     refuse_other_content(data, want="PCD", kinds=("PCD cloud",))
     return parse_header(data)
+
+
+def pcd_facts(path: Path) -> CloudFacts:
+    """What the header of a PCD says; errors as in `pcd_header`."""
+    header = pcd_header(read_point_bytes(path, most=MAX_HEADER_BYTES))
+    columns = tuple(
+        (f.name, f.dtype.name if f.count == 1 else f"{f.dtype.name} x {f.count}")
+        for f in header.fields
+        if f.name != PADDING
+    )
+    shape = (header.height, header.width) if header.height > 1 else None
+    frame, time_ns = header.notes.frame, header.notes.timestamp_ns
+    return CloudFacts(header.points, columns, header.encoding, frame, time_ns, shape)
 
 
 def salvage_pcd(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> Salvaged:

@@ -26,6 +26,8 @@ from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.ply_header import PlyElement, PlyHeader, PlyProperty, parse_header
 from pseudolidar.formats.ply_items import Columns, ascii_items, binary_items
 from pseudolidar.formats.point_file import (
+    MAX_HEADER_BYTES,
+    CloudFacts,
     Salvaged,
     check_claim,
     check_point_limit,
@@ -121,6 +123,21 @@ def ply_header(data: bytes) -> PlyHeader:
     """
     refuse_other_content(data, want="PLY", kinds=("PLY cloud",))
     return parse_header(data)
+
+
+def ply_facts(path: Path) -> CloudFacts:
+    """What the header of a PLY says; errors as in `ply_header`."""
+    header = ply_header(read_point_bytes(path, most=MAX_HEADER_BYTES))
+    vertices = [e for e in header.elements if e.name == "vertex"]
+    count = vertices[0].count if vertices else 0
+    columns = [
+        (p.name, p.dtype.name if p.length is None else f"list of {p.dtype.name}")
+        for p in (vertices[0].properties if vertices else ())
+    ]
+    others = tuple((e.name, e.count) for e in header.elements if e not in vertices)
+    notes = header.notes
+    frame, time_ns = notes.frame, notes.timestamp_ns
+    return CloudFacts(count, tuple(columns), header.encoding, frame, time_ns, others=others)
 
 
 def salvage_ply(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> Salvaged:

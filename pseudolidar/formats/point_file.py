@@ -23,6 +23,29 @@ MAX_HEADER_BYTES = 64 * 1024
 _COUNT = re.compile(r"[0-9]{1,18}")
 
 
+@dataclass(frozen=True)
+class CloudFacts:
+    """What the header of a file of points says.
+
+    Args:
+        points: how many it claims.
+        columns: name and dtype of each column, as the file has them.
+        encoding: of the points.
+        frame: coordinate frame, "" where it says none.
+        timestamp_ns: time, 0 where it says none.
+        shape: (rows, columns) of an organised cloud.
+        others: what else is in the file, and how many: faces of a mesh.
+    """
+
+    points: int
+    columns: tuple[tuple[str, str], ...]
+    encoding: str
+    frame: str = ""
+    timestamp_ns: int = 0
+    shape: tuple[int, int] | None = None
+    others: tuple[tuple[str, int], ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class Salvaged:
     """What is whole of a file that ends early.
@@ -36,13 +59,16 @@ class Salvaged:
     claimed: int
 
 
-def read_point_bytes(path: Path) -> bytes:
-    """All bytes of a point file.
+def read_point_bytes(path: Path, *, most: int | None = None) -> bytes:
+    """All bytes of a point file, or the first `most` of them.
 
     Raises:
         PointFileMissing: no such file, a folder, or no permission to read it.
     """
     try:
+        if most is not None:
+            with path.open("rb") as file:
+                return file.read(most)
         return read_whole(path)
     except OSError as error:
         raise PointFileMissing(

@@ -8,13 +8,19 @@ import numpy as np
 
 from pseudolidar.errors import (
     PointFileCorrupt,
+    PointFileMissing,
     PointFileTruncated,
     PseudolidarError,
     StructureError,
 )
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.point_file import check_point_limit, read_point_bytes, refuse_other_content
+from pseudolidar.formats.point_file import (
+    CloudFacts,
+    check_point_limit,
+    read_point_bytes,
+    refuse_other_content,
+)
 from pseudolidar.structures.arrays import AnyArray, Bool, Float32
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.frame import LidarScan
@@ -87,6 +93,23 @@ def read_velodyne_bin(
     return LidarScan(xyz, reflectance, timestamp_ns, frame, dropped=dropped)
 
 
+def velodyne_bin_facts(path: Path) -> CloudFacts:
+    """What the size of a `.bin` says: it has no header.
+
+    Raises:
+        PointFileMissing: no such file.
+        PointFileTruncated: a fraction of a point.
+    """
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise PointFileMissing(error.strerror or str(error), want="a .bin", path=path) from error
+    if size % POINT_BYTES:
+        raise _no_whole_points(size, POINT_BYTES).located(path)
+    columns = tuple((name, "float32") for name in ("x", "y", "z", "intensity"))
+    return CloudFacts(size // POINT_BYTES, columns, "binary", "velodyne")
+
+
 def encode_velodyne_bin(points: PointCloud | LidarScan) -> bytes:
     """The bytes of a `.bin`.
 
@@ -138,14 +161,19 @@ def _values(data: bytes, record_bytes: int, limits: Limits) -> Float32:
         )
     count, rest = divmod(len(data), record_bytes)
     if rest:
-        raise PointFileTruncated(
-            f"{len(data)} bytes: {count} points and {rest} bytes",
-            want=f"a multiple of {record_bytes}",
-            fix="Copy the file again. " + _record_hint(len(data)),
-            where=f"byte {count * record_bytes}",
-        )
+        raise _no_whole_points(len(data), record_bytes)
     check_point_limit(count, limits)
     return np.frombuffer(data, "<f4").reshape(count, record_bytes // 4)[:, :4]
+
+
+def _no_whole_points(size: int, record_bytes: int) -> PointFileTruncated:
+    count, rest = divmod(size, record_bytes)
+    return PointFileTruncated(
+        f"{size} bytes: {count} points and {rest} bytes",
+        want=f"a multiple of {record_bytes}",
+        fix="Copy the file again. " + _record_hint(size),
+        where=f"byte {count * record_bytes}",
+    )
 
 
 def _record_hint(size: int) -> str:
