@@ -26,13 +26,14 @@ from pseudolidar.formats.mcap_frame import pack_frame
 from pseudolidar.formats.mcap_messages import frame_messages
 from pseudolidar.formats.mcap_prolog import describe_recording
 from pseudolidar.formats.mcap_protobuf import set_stamp
+from pseudolidar.formats.rig_json import rig_text
 from pseudolidar.geometry.frames import R_BODY_OPTICAL, frame_tree
 from pseudolidar.geometry.quaternion import quaternion_wxyz, rotation_of
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.frame import LidarScan, StereoFrame
 from pseudolidar.structures.pose import Pose
-from pseudolidar.structures.recorded import RecordedCloud
+from pseudolidar.structures.recorded import Frame, RecordedCloud
 
 ROS = get_typestore(Stores.ROS2_HUMBLE)
 TYPES = ROS.types
@@ -408,12 +409,12 @@ def write_foxglove(
 # --- recordings of this package -------------------------------------------------------------
 
 
-def write_own(path: Path, frames: list[RecordedCloud], **content: object) -> Path:
+def write_own(path: Path, frames: Sequence[Frame], **content: object) -> Path:
     settings = McapContent(**content)  # type: ignore[arg-type]
     prolog = describe_recording(
         version="0",
         settings="{}",
-        calibration="",
+        calibration=rig_text(frames[0].rig) if isinstance(frames[0], StereoFrame) else "",
         matcher="none",
         source="test",
         content=settings,

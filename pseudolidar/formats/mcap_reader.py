@@ -18,8 +18,10 @@ from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
+from mcap.records import Attachment
 
 from pseudolidar.errors import PseudolidarError, RecordingError
+from pseudolidar.formats.checksum import crc32
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.mcap_compression import decompressed_start
 from pseudolidar.formats.mcap_contents import NO_CHUNK, contents_of
@@ -33,6 +35,7 @@ from pseudolidar.formats.mcap_records import (
     RawRecord,
     broken,
     parse_message,
+    parsed,
     read_record,
     record_head,
     unpacked,
@@ -40,6 +43,9 @@ from pseudolidar.formats.mcap_records import (
 from pseudolidar.formats.message_store import Channel, FileState, Place
 from pseudolidar.structures.arrays import AnyArray, Int64
 
+_BEFORE_MESSAGES = (Opcode.HEADER, Opcode.METADATA, Opcode.ATTACHMENT)
+# The end of an attachment: CRC of its fields.
+ATTACHMENT_CRC = struct.Struct("<I")
 # Bytes of a compression's name that are looked at.
 LONGEST_NAME = 32
 # Unpacked chunks that are kept: neighbouring messages of others often share one.
@@ -89,6 +95,26 @@ class McapStore:
     notes: tuple[str, ...]
     limits: Limits
     _cache: _ChunkCache = field(default_factory=lambda: _ChunkCache(), repr=False)
+
+    def attachment(self, name: str) -> bytes:
+        """A file before the first chunk, its CRC checked; empty where there is none.
+
+        Raises:
+            RecordingError: damaged.
+        """
+        try:
+            with FileIO(self.state.path, "rb") as file:
+                offset = len(MAGIC)
+                while offset < self.state.size_bytes:
+                    record = read_record(file, offset, self.state.size_bytes, self.limits)
+                    if record.opcode not in _BEFORE_MESSAGES:
+                        break
+                    if record.opcode == Opcode.ATTACHMENT and (found := _named(record, name)):
+                        return found
+                    offset = record.end
+        except PseudolidarError as error:
+            raise error.located(self.state.path) from error.__cause__
+        return b""
 
     def times_ns(self, channel: int) -> Int64:
         """(N,) log times of a channel."""
@@ -185,6 +211,17 @@ class McapStore:
                 record.offset,
             )
         return message.data
+
+
+def _named(record: RawRecord, name: str) -> bytes:
+    """The content of an attachment of that name."""
+    attachment = parsed(Attachment, record)
+    if attachment.name != name:
+        return b""
+    (stated,) = ATTACHMENT_CRC.unpack_from(record.body, len(record.body) - ATTACHMENT_CRC.size)
+    if stated not in (0, crc32(record.body[: -ATTACHMENT_CRC.size])):
+        raise broken("an attachment whose CRC does not match", record.offset)
+    return bytes(attachment.data)
 
 
 class _ChunkCache:

@@ -55,6 +55,9 @@ class MessageStore(Protocol):
     def written_by(self) -> str:
         """The program that wrote it, "" where that is unknown."""
 
+    def attachment(self, name: str) -> bytes:
+        """A file that the recording carries before its messages, empty where it has none."""
+
     def times_ns(self, channel: int) -> Int64:
         """(N,) times that the messages of a channel are filed under, not decreasing."""
 
@@ -96,6 +99,10 @@ class JoinedStore:
     def written_by(self) -> str:
         """The program that wrote the first file."""
         return self.stores[0].written_by
+
+    def attachment(self, name: str) -> bytes:
+        """That of the first file."""
+        return self.stores[0].attachment(name)
 
     def times_ns(self, channel: int) -> Int64:
         """(N,) times of the messages of a channel."""

@@ -65,6 +65,10 @@ class Ros1Store:
     limits: Limits
     written_by: str = "rosbag"
 
+    def attachment(self, name: str) -> bytes:  # noqa: ARG002
+        """None: bags carry no files."""
+        return b""
+
     def times_ns(self, channel: int) -> Int64:
         """(N,) times of a connection."""
         return np.ascontiguousarray(self.entries[channel]["time"])

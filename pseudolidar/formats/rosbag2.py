@@ -105,6 +105,10 @@ class Db3Store:
     notes: tuple[str, ...] = ()
     written_by: str = "rosbag2"
 
+    def attachment(self, name: str) -> bytes:  # noqa: ARG002
+        """None: bags carry no files."""
+        return b""
+
     def times_ns(self, channel: int) -> Int64:
         """(N,) times of a topic."""
         return np.ascontiguousarray(self.entries[channel]["time"])

@@ -222,7 +222,9 @@ def _unrectified(pair: StereoTopics) -> NotRectified:
 
 
 def with_lidar(rig: StereoRig, tree: Sequence[Pose], left: str, lidar: str | None) -> StereoRig:
-    """The rig with a LiDAR on it, as `velodyne`; the body of the recording stands for the IMU.
+    """The rig with a LiDAR on it, as `velodyne`, unless it has one already.
+
+    The body of the recording stands for the IMU.
 
     Args:
         rig: the cameras.
@@ -231,7 +233,7 @@ def with_lidar(rig: StereoRig, tree: Sequence[Pose], left: str, lidar: str | Non
         lidar: frame of the LiDAR there, None without one.
     """
     T_left_lidar = None if lidar is None else chain(tree, left, lidar)
-    if lidar is None or T_left_lidar is None:
+    if lidar is None or T_left_lidar is None or rig.T_left_velodyne is not None:
         return rig
     T_lidar_body = chain(tree, lidar, BASE_LINK)
     return replace(

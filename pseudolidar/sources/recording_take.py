@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from pseudolidar.errors import (
@@ -16,6 +17,7 @@ from pseudolidar.formats.recorded_messages import EncodedPicture, RawPicture
 from pseudolidar.formats.recording_kinds import recording_kind
 from pseudolidar.formats.recording_store import open_store
 from pseudolidar.formats.rig_file import read_any_rig
+from pseudolidar.formats.rig_json import parse_rig
 from pseudolidar.sources.recording import Recording
 from pseudolidar.sources.recording_clouds import open_clouds
 from pseudolidar.sources.recording_depth import open_depth
@@ -28,6 +30,8 @@ from pseudolidar.sources.source import FrameSequence, SourceSummary
 from pseudolidar.structures.pose import Pose
 from pseudolidar.structures.recorded import Frame
 
+# What recordings of this package carry their rig in.
+CALIBRATION = "calibration.json"
 # Topics that are listed in an error.
 MOST_LISTED = 12
 
@@ -82,7 +86,13 @@ def _pair(
     tree = _tree(topics, frames, pictures[0].topic) if pictures else ()
     if settings.rig is not None:
         return _with_given_rig(settings, topics, given_eyes(pictures, names)), tree
-    return find_pair(topics, pictures, tree, names), tree
+    pair = find_pair(topics, pictures, tree, names)
+    text = topics.store.attachment(CALIBRATION) if topics.own and pair is not None else b""
+    if pair is not None and text:
+        # All of the rig: the projections lack a disparity correction and the last digits.
+        rig = parse_rig(text.decode("utf-8", "replace"), Path(settings.path) / CALIBRATION)
+        pair = replace(pair, rig=rig)
+    return pair, tree
 
 
 def _with_given_rig(

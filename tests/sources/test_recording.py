@@ -21,6 +21,7 @@ from pseudolidar.errors import (
 from pseudolidar.formats.rig_json import rig_text
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.recording import Recording
+from pseudolidar.structures.camera import DisparityCorrection
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, RecordedCloud
 from tests.recordings import (
@@ -256,6 +257,27 @@ def test_a_recording_with_nothing_to_take_says_what_it_has(tmp_path: Path) -> No
         writer.write_bytes("/odd", "my.Type", b"", b"\x01", START_NS, encoding="cbor")
     with pytest.raises(SourceEmpty, match=r"/tf \(transforms, 1\).*/odd \(1 messages\)"):
         Recording(str(tmp_path / "a.mcap")).open()
+
+
+def test_pairs_of_this_package_are_the_frames_with_their_whole_rig(
+    tmp_path: Path, drive: list[StereoFrame]
+) -> None:
+    """The disparity correction is in the attached rig alone; PNG keeps the pictures."""
+    correction = DisparityCorrection(np.linspace(-0.3, 0.4, 8), 0.1, "test")
+    frames = [replace(f, rig=f.rig.with_correction(correction), pose=None) for f in drive]
+    write_own(tmp_path / "a.mcap", frames, images="png")
+    source = Recording(str(tmp_path / "a.mcap"), take="pairs").open()
+    assert source.ids == tuple(frame.id for frame in frames)
+    for index, want in enumerate(frames):
+        got = source.load(index)
+        np.testing.assert_array_equal(got.left, want.left)
+        np.testing.assert_array_equal(got.right, want.right)
+        assert got.rig.correction is not None
+        np.testing.assert_array_equal(got.rig.correction.coefficients, correction.coefficients)
+        assert got.pose is None
+        assert got.scan is not None
+        assert want.scan is not None
+        np.testing.assert_array_equal(got.scan.xyz, want.scan.xyz)
 
 
 # --- clouds ---------------------------------------------------------------------------------
