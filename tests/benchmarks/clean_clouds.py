@@ -113,10 +113,10 @@ def object_pixels(frame: StereoFrame, disparity: DisparityMap) -> dict[str, Bool
     if frame.truth is None or not path.exists():
         return {}
     objects = cv2.imread(str(path), cv2.IMREAD_UNCHANGED) > 0
-    right = np.abs(disparity.values - frame.truth.values) <= 3
-    depth_m = depth_map(frame.truth, frame.rig).values
+    true_m, depth_m = (depth_map(m, frame.rig).values for m in (frame.truth, disparity))
+    right = objects & (np.abs(depth_m - true_m) <= GHOST_M + GHOST_REL * true_m)
     return {
-        f"pixels of cars, {low}-{high} m": objects & right & (depth_m >= low) & (depth_m < high)
+        f"pixels of cars, {low}-{high} m": right & (true_m >= low) & (true_m < high)
         for low, high in BANDS_M
     }
 
