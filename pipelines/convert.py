@@ -11,6 +11,7 @@ from pseudolidar.clouds.beams import BeamCount, Beams
 from pseudolidar.clouds.crop import Box, Range
 from pseudolidar.clouds.ground import Label, Remove
 from pseudolidar.clouds.normals import Normals
+from pseudolidar.clouds.outliers import Lonely
 from pseudolidar.clouds.thin import Density, Uniform, Voxel
 from pseudolidar.clouds.tool import CloudTools
 from pseudolidar.formats.mcap_content import McapContent
@@ -95,6 +96,7 @@ class Convert:
         check_maps: look up in the pictures whether that scale is the right one.
         sigma_px: error (68 %) of such maps, px of disparity; unknown by default.
         reproject: which pixels become points, and how.
+        outliers: which points are removed of clouds of any origin; `clean` is for disparities.
         ground: what happens to the ground's points: label them (column `ground`), or remove them.
         crop: only points in a box, or at some distance.
         normals: add the directions that surfaces face, columns nx, ny, nz.
@@ -140,6 +142,7 @@ class Convert:
     check_maps: Annotated[bool, RUN_ONLY] = True
     sigma_px: float | None = None
     reproject: Reproject = field(default_factory=Reproject)
+    outliers: Lonely | None = None
     ground: Label | Remove | None = None
     crop: Box | Range | None = None
     normals: bool = False
@@ -262,7 +265,7 @@ class ConvertFrame:
             matcher, refine = fuse.sightings, refine.after(fuse)
         normals = Normals() if job.normals else None
         beams = None if job.beams is None else Beams(job.beams)
-        tools = CloudTools.load(job.ground, job.crop, normals, beams, job.thin)
+        tools = CloudTools.load(job.outliers, job.ground, job.crop, normals, beams, job.thin)
         trees = Trees.of(job.to.trees, job.kitti, job.colmap, source)
         shown = sampled_frames(source.ids)
         plain = cls(

@@ -69,6 +69,7 @@ def filters() -> str:
     """Compile or load the kernels of cleaning, optional filters and tools, and filter a wall."""
     from pseudolidar.clouds.beams import Beams
     from pseudolidar.clouds.normals import Normals
+    from pseudolidar.clouds.outliers import Lonely
     from pseudolidar.clouds.tool import CloudTools
     from pseudolidar.geometry.frames import frame_tree
     from pseudolidar.geometry.normals import normals_of_neighbours
@@ -91,7 +92,7 @@ def filters() -> str:
     cleaned = Clean().load()(frame, DisparityMap(values, np.full_like(values, 0.1)))
     _check(not cleaned.reason[:, _SHIFT_PX:].any(), "a flat wall, cleaned")
     cloud = Reproject().load()(trial_frame(), wall)
-    tools = CloudTools.load(Normals(), Beams())
+    tools = CloudTools.load(Lonely(), Normals(), Beams())
     beams, _ = tools(cloud, frame_tree(trial_frame().rig))
     _check(bool(np.nanmax(np.abs(beams.extra["nz"] + 1)) < 0.01), "normals of a flat wall")
     in_space = normals_of_neighbours(cloud.xyz[:500], np.zeros(3))
