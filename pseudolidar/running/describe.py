@@ -15,7 +15,6 @@ from typing import Any
 from pseudolidar.errors import PseudolidarError, SourceUnknown
 from pseudolidar.formats.image_kinds import SNIFFED_BYTES, content_kind
 from pseudolidar.formats.limits import DEFAULT_LIMITS
-from pseudolidar.formats.recording_store import open_store
 from pseudolidar.running.describe_file import FILES
 from pseudolidar.running.describe_source import deep_facts, source_facts, time_facts, unusable_pairs
 from pseudolidar.running.description import Description
@@ -23,7 +22,6 @@ from pseudolidar.running.settings_schema import choice_name
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.recording import Recording
-from pseudolidar.sources.recording_topics import Topics
 from pseudolidar.sources.synthetic import SYNTHETIC
 
 RUN_FILE = "run.json"
@@ -103,6 +101,9 @@ def _source(
 
 def _topics(path: str) -> dict[str, Any]:
     """Topics of a recording by its index, with what is known about their messages."""
+    from pseudolidar.formats.recording_store import open_store
+    from pseudolidar.sources.recording_topics import Topics
+
     store = open_store(Path(path))
     topics = Topics.of(store, DEFAULT_LIMITS)
     read = {topic.name for topic in topics.topics}
