@@ -20,7 +20,7 @@ from typing import Self
 from mcap.opcode import Opcode
 from mcap.records import Header
 
-from pseudolidar.errors import RecordingError, SequenceTime
+from pseudolidar.errors import OutputError, RecordingError, SequenceTime
 from pseudolidar.formats.atomic import drop_from_cache, fsync_folder, output_error, write_all
 from pseudolidar.formats.checksum import crc32
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
@@ -65,7 +65,7 @@ class McapLog:
             fifty frames spread over it.
 
     Raises:
-        OutputError: the folder cannot be written.
+        OutputError: the folder cannot be written, or a file of that name is another recording.
     """
 
     def __init__(
@@ -84,6 +84,7 @@ class McapLog:
         with _as_output_error(path, len(beginning)):
             path.parent.mkdir(parents=True, exist_ok=True)
             if committed is not None and path.exists() and not self.part.exists():
+                _check_ours(path, beginning)
                 path.replace(self.part)
             mode = "r+b" if committed is not None and self.part.exists() else "w+b"
             self._file = FileIO(self.part, mode)
@@ -218,6 +219,18 @@ class McapLog:
         for part in parts:
             self._crc = crc32(part, self._crc)
             self._offset += len(part)
+
+
+def _check_ours(path: Path, beginning: bytes) -> None:
+    """Raise `OutputError` where a complete file is not what would be continued, but another's."""
+    with FileIO(path, "rb") as file:
+        if file.read(len(beginning)) != beginning:
+            raise OutputError(
+                "there is another recording of that name",
+                want="a new name, or the recording of this run",
+                fix="Move it away, or choose another output folder.",
+                path=path,
+            )
 
 
 def part_path(path: Path) -> Path:

@@ -262,6 +262,17 @@ def test_a_part_of_other_settings_is_not_continued(tmp_path: Path, chunks: list[
     assert log.held == ()
 
 
+def test_a_recording_of_somebody_else_is_left_alone(
+    tmp_path: Path, chunks: list[FramePart]
+) -> None:
+    path = tmp_path / "a.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n of somebody else")
+    with pytest.raises(OutputError, match="another recording of that name"):
+        record(path, chunks)
+    assert path.read_bytes() == b"\x89MCAP0\r\n of somebody else"
+    assert not part_path(path).exists()
+
+
 def test_started_anew_without_committed_frames(tmp_path: Path, chunks: list[FramePart]) -> None:
     path = tmp_path / "a.mcap"
     interrupted(path, chunks)
