@@ -166,7 +166,7 @@ def test_clouds_agree_with_the_velodyne(kitti):
         pairs = cloud_against_scan(in_left(cloud, frame), frame)
         relative = np.abs(pairs.depth_m / pairs.reference_m - 1)
         near = relative[pairs.reference_m < 20]
-        assert pairs.density > 0.7
+        assert pairs.density > 0.6, "cleaned; 0.7 and more before"
         assert np.median(near) < 0.025
         assert np.mean(near > 0.1) < 0.06
         seen += len(near)
