@@ -62,6 +62,15 @@ def test_any_order_gives_the_pixels_of_plain_decoding(made: dict[str, Path], nam
         assert np.array_equal(video.picture(number).pixels, want[number]), number
 
 
+@pytest.mark.parametrize("name", ["h264 open.mkv", "hevc.mp4"])
+def test_a_key_frame_with_frames_before_it_is_approached_from_the_one_before(made, name) -> None:
+    """Else the decoder complains about frames that it cannot have, as if they were damaged."""
+    index = VideoFile.open(made[name]).index
+    assert index.key_open[1:3].all()  # the last group has no frame before its key
+    assert index.start_of(int(index.key_frame[2])) == 1
+    assert index.start_of(0) == 0
+
+
 @pytest.mark.parametrize("name", ["ffv1.mkv", "ffv1.avi"])
 def test_lossless_video_gives_the_pictures_that_were_put_in(made, name) -> None:
     video = VideoFile.open(made[name])
@@ -145,12 +154,31 @@ def test_times_are_rounded_from_exact_fractions(tmp_path: Path) -> None:
 
 def test_frames_of_one_time_are_left_out_and_told(tmp_path: Path) -> None:
     path = tmp_path / "a.mkv"
+    shown = pictures(40)
     # 4000 frames a second: Matroska counts milliseconds.
-    write_video(path, pictures(12), ticks=range(12), time_base=Fraction(1, 4000), **LOSSLESS)
+    write_video(path, shown, ticks=range(40), time_base=Fraction(1, 4000), **LOSSLESS)
     video = VideoFile.open(path)
     assert np.diff(video.timestamps_ns).min() > 0
-    assert len(video) < 12
+    assert len(video) < 40
     assert any("with the time of another one" in note for note in video.notes)
+    pts = [frame.pts for frame in decoded(path)]
+    firsts = [pts.index(stamp) for stamp in sorted(set(pts))]
+    for number in [*range(len(video)), *range(len(video)), 3, 8, 2, 5]:
+        assert np.array_equal(video.picture(number).pixels, shown[firsts[number]]), number
+
+
+@pytest.mark.parametrize("how", [LOSSLESS, H264], ids=["ffv1", "h264 with reordering"])
+def test_empty_packets_of_an_avi_are_no_frames(tmp_path: Path, how: dict) -> None:
+    """AVI has one packet for each tick; where no frame is shown, an empty one."""
+    ticks = [0, 1, 4, 5, 9, 10, 11, 20, *range(25, 50)]
+    path = write_video(tmp_path / "a.avi", pictures(len(ticks)), ticks=ticks, **how)
+    want = [to_pixels(frame, rotated=True).pixels for frame in decoded(path)]
+    video = VideoFile.open(path)
+    assert len(video) == len(ticks)
+    if how is LOSSLESS:
+        assert video.timestamps_ns == tuple(tick * 10**8 for tick in ticks)
+    for number in np.random.default_rng(4).permutation(len(ticks)).tolist():
+        assert np.array_equal(video.picture(number).pixels, want[number]), number
 
 
 # --- colours, depth, shape -----------------------------------------------------------------

@@ -25,7 +25,8 @@ from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.selection import FrameSelection, select
-from pseudolidar.sources.video import Video, VideoSource
+from pseudolidar.sources.video import Video
+from pseudolidar.sources.video_frames import VideoSource
 from tests.videos import H264, pictures, write_video
 
 WIDTH, HEIGHT, FRAMES = 64, 48, 12
