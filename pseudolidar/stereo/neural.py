@@ -166,7 +166,8 @@ class NetworkMatcher:
         from pseudolidar.stereo.networks.evidence import with_evidence
 
         s = self.settings
-        range_px = disparity_range(frame.rig, self.min_depth_m)
+        # Only tiles must know how far matches may lie.
+        range_px = disparity_range(frame.rig, self.min_depth_m) if s.tile is not None else 0
         left, right = rgb8_pair(frame.left, frame.right)
         try:
             disparity = self.disparity(left, right, range_px)

@@ -14,8 +14,8 @@ from pseudolidar.stereo.networks.scene import probe_scene
 from pseudolidar.stereo.networks.session import NetworkSession
 from tests.stereo import graphs
 
-SIZE = (256, 128)
-BLANK = {"names": ("a", "b"), "output": "c", "disparities": 24, "size": SIZE}
+SIZE = (224, 96)
+BLANK = {"names": ("a", "b"), "output": "c", "disparities": 20, "size": SIZE}
 
 
 def found(path, **asked):

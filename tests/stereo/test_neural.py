@@ -240,7 +240,7 @@ def test_names_without_a_probe_must_tell_all(tmp_path, caplog):
 
 
 def test_what_was_found_out_is_kept_by_the_hash_of_the_file(tmp_path, caplog, own_cache):
-    path = graphs.two_images(tmp_path / "n.onnx", disparities=24, size=(256, 128), **NAMES)
+    path = graphs.two_images(tmp_path / "n.onnx", disparities=18, size=(192, 96), **NAMES)
     layout, line = told(caplog, path)
     assert "a probe (9" in line
     (entry,) = own_cache.iterdir()

@@ -20,6 +20,8 @@ ROLES = (
     *("left", "right", "left+right", "right+left", "half-left", "half-right"),
     *("flow", "negative-flow", "iterations", "true", "false"),
 )
+# Fields that are numbers, with the types of JSON that they may have; the others are text.
+_NUMBERS: dict[str, tuple[type, ...]] = {"channel": (int,), "scale": (float, int), "pad": (int,)}
 PREFIX = "pseudolidar."  # of our keys in a network's own metadata
 _LARGEST_SIDECAR_BYTES = 100_000
 
@@ -93,17 +95,11 @@ class NetworkLayout:
         Raises:
             ModelError: a field is unknown, or its value is not legal.
         """
-        hints = get_type_hints(cls)
+        names = [field.name for field in fields(cls)]
         for name, value in values.items():
-            if name not in hints:
-                raise ModelError(f"unknown field {name!r}", want=", ".join(hints), path=path)
-            kinds = (
-                [type(c) for c in get_args(hints[name])[0].__args__]
-                if _literal(hints[name])
-                else [k for k in get_args(hints[name]) if isinstance(k, type)]
-            )
-            if float in kinds:
-                kinds.append(int)
+            if name not in names:
+                raise ModelError(f"unknown field {name!r}", want=", ".join(names), path=path)
+            kinds = _NUMBERS.get(name, (str,))
             if type(value) not in kinds:
                 raise ModelError(f"{name} = {value!r}", want=kinds[0].__name__, path=path)
         try:
@@ -127,11 +123,6 @@ class NetworkLayout:
         return (
             f"{self.inputs} as {self.channels} {self.normalisation} -> {factor} {output}{of_width}"
         )
-
-
-def _literal(hint: Any) -> bool:
-    first = get_args(hint)[0]
-    return bool(get_args(first))
 
 
 def layout_beside(model: OnnxModel) -> NetworkLayout:
@@ -166,7 +157,7 @@ def _of_metadata(model: OnnxModel) -> NetworkLayout:
         if key.startswith(PREFIX):
             name = key.removeprefix(PREFIX)
             try:
-                values[name] = json.loads(text) if name in ("channel", "scale", "pad") else text
+                values[name] = json.loads(text) if name in _NUMBERS else text
             except ValueError as error:
                 raise ModelError(
                     f"metadata {key} = {text!r}", want="a number", path=model.path

@@ -9,57 +9,38 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import cast, get_args
 
 import numpy as np
 
-from pseudolidar.errors import ModelError, ModelOutput
+from pseudolidar.errors import ModelError
 from pseudolidar.formats.onnx_model import OnnxModel
 from pseudolidar.stereo.networks.feed import tensors
-from pseudolidar.stereo.networks.layout import Channels, NetworkLayout, Normalisation, Sign, Unit
+from pseudolidar.stereo.networks.judge import Finding, best_reading
+from pseudolidar.stereo.networks.layout import Channels, NetworkLayout, Normalisation
 from pseudolidar.stereo.networks.names import (
     channel_count,
     colours_of,
     role_candidates,
     size_of,
 )
-from pseudolidar.stereo.networks.reading import OutputMap, disparity_px, output_maps
-from pseudolidar.stereo.networks.scene import ProbeScene, probe_scene
+from pseudolidar.stereo.networks.reading import output_maps
+from pseudolidar.stereo.networks.scene import probe_scene
 from pseudolidar.stereo.networks.session import NetworkSession
 
-# Sizes for networks of free size: multiples of 32, 64 and 128 (the second of 32 only while smaller
-# edges are tried); large enough for spatial pyramids of 64 pixels at a quarter of the resolution.
+# Sizes for networks of free size: multiples of 32, 64 and 128; large enough for spatial pyramids
+# of 64 pixels at a quarter of the resolution.
 SIZE_PX, SECOND_SIZE_PX = (512, 256), (640, 256)
-PADS = (32, 64, 128)
+# Edges that are tried, and by how many of them: odd numbers, so that no larger edge fits as well.
+PADS = {32: (17, 9), 64: (9, 5), 128: (5, 3)}
 _FIRST, _SECOND = (7, 1.0), (11, 0.6)  # seed and gain of the scenes
-# A pixel is found within this, and so many of the visible ones must be.
-FOUND_PX, FOUND_SHARE_OF_DISPARITY = 1.5, 0.05
+# So many of the visible pixels must be found.
 LEAST_FOUND = 0.7
 # From here on other roles of the inputs are not tried: the right view's disparities, or sides
 # exchanged, are wrong along the edges of all patches.
 SURE = 0.85
-_LARGEST_ERROR_PX = 5.0  # an outlier counts no more
 # What the names say, and red first, hold unless the error is smaller by this factor otherwise.
 _AS_GOOD = 1.03
-_SCALE_TOLERANCE = 0.08
-# Exporters divide by the number of disparities or by a fixed-point factor.
-_SCALES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 192.0, 256.0)
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A layout and how well it did.
-
-    Args:
-        layout: all fields known but `pad`.
-        found: share of the visible pixels whose disparity was found, 0-1.
-        error_px: mean error, an outlier counted as 5 px.
-    """
-
-    layout: NetworkLayout
-    found: float
-    error_px: float
 
 
 def network_size(model: OnnxModel, roles: tuple[str, ...]) -> tuple[int, int] | None:
@@ -94,17 +75,20 @@ def find_layout(
         ModelError: no reading finds them; says how good the best was and how to describe it.
     """
     best: Finding | None = None
-    tried = 0
+    refusal, tried = "", 0
     for stage in _feeds(session.model, asked, expected):
         for layout in stage(best):
             tried += 1
-            finding = try_feed(session, layout, expected, iterations=iterations)
+            try:
+                finding = try_feed(session, layout, expected, iterations=iterations)
+            except ModelError as error:  # roles of which the network knows better
+                refusal, finding = error.got, None
             if finding is not None and (best is None or _clearly_better(finding, best, expected)):
                 best = finding
         if best is not None and best.found >= SURE and stage.may_end_here:
             break
     if best is None or best.found < LEAST_FOUND:
-        raise not_recognised(session.model, best, tried)
+        raise not_recognised(session.model, best, tried, refusal)
     return confirmed(session, best, tried, iterations=iterations)
 
 
@@ -188,81 +172,17 @@ def try_feed(
     iterations: int,
     second: bool = False,
 ) -> Finding | None:
-    """The best reading of what the network answers to one way of feeding, None if it refuses it."""
+    """The best reading of what the network answers to one way of feeding, None if there is none.
+
+    Raises:
+        ModelError: the network does not take it.
+    """
     size = network_size(session.model, feed.roles) or (SECOND_SIZE_PX if second else SIZE_PX)
     seed, gain = _SECOND if second else _FIRST
     scene = probe_scene(*size, seed=seed, gain=gain)
     given = tensors(session.model, feed, scene.left, scene.right, iterations=iterations)
-    try:
-        maps = output_maps(session.outputs, session(given))
-    except ModelError:
-        return None  # roles of which the network knows better
-    return _best_reading(maps, feed, expected, scene)
-
-
-def _best_reading(
-    maps: list[OutputMap], feed: NetworkLayout, expected: NetworkLayout, scene: ProbeScene
-) -> Finding | None:
-    best: Finding | None = None
-    # Later maps first: of a list of iterations the last is the best, or as good as the one before.
-    largest_first = sorted(maps, key=lambda m: (m.values.size, m.channel), reverse=True)
-    for candidate in largest_first:
-        asked_for = feed.output in (None, candidate.output)
-        if not asked_for or feed.channel not in (None, candidate.channel):
-            continue
-        for layout in _readings(candidate, feed, expected, scene):
-            finding = _judged(candidate, layout, scene)
-            if finding is not None and (best is None or finding.error_px < best.error_px):
-                best = finding
-    return best
-
-
-def _readings(
-    candidate: OutputMap, feed: NetworkLayout, expected: NetworkLayout, scene: ProbeScene
-) -> list[NetworkLayout]:
-    """Signs and scales that a map may have: the one expected, and the ones nearest to the truth."""
-    height, width = scene.truth.shape
-    layout = replace(feed, output=candidate.output, channel=candidate.channel)
-    expected = replace(expected, output=None, channel=None, inputs=None, pad=None)
-    filled = layout.filled(expected)
-    found = [] if {"sign", "unit", "scale"} & set(filled.unknown) else [filled]
-    values = _resized(candidate, (width, height))
-    known = np.isfinite(values) & (values != 0) & scene.visible
-    if np.count_nonzero(known) < known.size // 4:
-        return found
-    ratio = float(np.median(scene.truth[known] / values[known]))
-    sign: Sign = "negative" if ratio < 0 else "positive"
-    units = [("width", 1.0), ("width", 0.5)] + [
-        ("pixel", s**e) for s, e in product(_SCALES, (1, -1))
-    ]
-    coarse = width / candidate.values.shape[1]
-    units.append(("pixel", coarse))
-    for unit, scale in dict.fromkeys(units):
-        factor = scale * (width if unit == "width" else 1)
-        if abs(abs(ratio) / factor - 1) < _SCALE_TOLERANCE:
-            guess = NetworkLayout(sign=sign, unit=cast(Unit, unit), scale=scale)
-            found.append(layout.filled(guess))
-    return found
-
-
-def _resized(candidate: OutputMap, size_px: tuple[int, int]) -> np.ndarray:
-    import cv2
-
-    return np.asarray(cv2.resize(candidate.values, size_px, interpolation=cv2.INTER_NEAREST_EXACT))
-
-
-def _judged(candidate: OutputMap, layout: NetworkLayout, scene: ProbeScene) -> Finding | None:
-    height, width = scene.truth.shape
-    try:
-        disparity = disparity_px(candidate.values, layout, (width, height))
-    except ModelOutput:
-        return None
-    truth = scene.truth[scene.visible]
-    error = np.abs(disparity[scene.visible] - truth)
-    error = np.where(np.isfinite(error), error, np.inf)
-    found = error <= np.maximum(FOUND_PX, FOUND_SHARE_OF_DISPARITY * truth)
-    mean = float(np.minimum(error, _LARGEST_ERROR_PX).mean())
-    return Finding(layout, float(found.mean()), mean)
+    maps = output_maps(session.outputs, session(given))
+    return best_reading(maps, feed, expected, scene)
 
 
 def confirmed(session: NetworkSession, first: Finding, tried: int, *, iterations: int) -> Finding:
@@ -285,9 +205,8 @@ def working_pad(session: NetworkSession, layout: NetworkLayout, *, iterations: i
         ModelError: it takes none of them.
     """
     refused: ModelError | None = None
-    for pad in PADS:
-        width, height = 9 * pad, 5 * pad  # odd multiples: of this edge and of no larger one
-        image = np.zeros((height, width, 3), np.uint8)
+    for pad, (columns, rows) in PADS.items():
+        image = np.zeros((rows * pad, columns * pad, 3), np.uint8)
         try:
             session(tensors(session.model, layout, image, image, iterations=iterations))
             return pad
@@ -297,8 +216,17 @@ def working_pad(session: NetworkSession, layout: NetworkLayout, *, iterations: i
     raise refused
 
 
-def not_recognised(model: OnnxModel, best: Finding | None, tried: int) -> ModelError:
-    """The error that shows the signature and the flags that would describe the network."""
+def not_recognised(
+    model: OnnxModel, best: Finding | None, tried: int, refusal: str = ""
+) -> ModelError:
+    """The error that shows the signature and the flags that would describe the network.
+
+    Args:
+        model: the network.
+        best: the best reading, None where there was none.
+        tried: ways of feeding that were tried.
+        refusal: what onnxruntime said to one that it did not take.
+    """
     likely = (
         best.layout
         if best is not None
@@ -313,7 +241,7 @@ def not_recognised(model: OnnxModel, best: Finding | None, tried: int) -> ModelE
             scale=1.0,
         )
     )
-    share = "none answered"
+    share = f"none was answered ({refusal})" if refusal else "none was answered"
     if best is not None:
         share = f"the best found {best.found:.0%} of a known scene"
     return ModelError(

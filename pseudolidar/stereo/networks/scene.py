@@ -8,6 +8,7 @@ cameras: networks trained on photographs trust it least, which tells RGB from BG
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,7 @@ class ProbeScene:
     visible: Bool
 
 
+@functools.lru_cache(maxsize=2)  # the same one is shown in every way of feeding
 def probe_scene(width: int, height: int, *, seed: int, gain: float = 1.0) -> ProbeScene:
     """The scene of a seed.
 
