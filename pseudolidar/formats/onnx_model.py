@@ -141,7 +141,7 @@ def _external_files(path: Path, locations: set[str]) -> tuple[Path, ...]:
         inside = not plain.is_absolute() and ".." not in plain.parts and "\\" not in location
         if not inside or place.resolve().parent != place.parent or place.is_symlink():
             raise ModelError(
-                f"weights in {location!r}, outside its folder",
+                f"weights in {location!r}, a link or outside its folder",
                 want="weights inside the file, or beside it",
                 fix="Do not use this file unless you know who made it.",
                 path=path,

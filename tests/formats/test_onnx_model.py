@@ -81,6 +81,11 @@ def test_weights_that_are_links_are_refused(network, tmp_path):
     with pytest.raises(ModelError, match="outside its folder"):
         read_onnx(network)
     place.unlink()
+    (network.parent / "beside.bin").write_bytes(data)
+    place.symlink_to("beside.bin")  # even inside the folder
+    with pytest.raises(ModelError, match="outside its folder"):
+        read_onnx(network)
+    place.unlink()
     os.link(elsewhere / "real.bin", place)
     with pytest.raises(ModelError, match="hard link"):
         read_onnx(network)
