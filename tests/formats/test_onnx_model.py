@@ -34,18 +34,23 @@ def test_the_signature_is_that_of_onnx(network):
     )
 
 
-def external(network: Path, location: str, *, inner: bool = False) -> Path:
-    """The network with weights stored in another file."""
+def external(network: Path, location: str, *, place: str = "graph") -> bytes:
+    """The network with weights stored in another file: of the graph, a node, a graph in a node."""
     model = onnx.load(str(network))
     tensor = max(model.graph.initializer, key=lambda t: len(t.raw_data))
     data = tensor.raw_data
     onnx.external_data_helper.set_external_data(tensor, location, 0, len(data))
     tensor.ClearField("raw_data")
     tensor.data_location = onnx.TensorProto.EXTERNAL
-    if inner:  # inside a node instead of the graph
+    if place != "graph":
         node = onnx.helper.make_node("Constant", [], ["hidden"], value=tensor)
-        model.graph.node.insert(0, node)
         model.graph.initializer.remove(tensor)
+        if place == "branch":
+            out = onnx.helper.make_tensor_value_info("hidden", 1, None)
+            branch = onnx.helper.make_graph([node], "branch", [], [out])
+            branches = {"then_branch": branch, "else_branch": branch}
+            node = onnx.helper.make_node("If", ["which"], ["chosen"], **branches)
+        model.graph.node.insert(0, node)
     network.write_bytes(model.SerializeToString())
     return data
 
@@ -63,10 +68,10 @@ def test_weights_beside_it_are_found_and_count(network):
     assert read_onnx(network).sha256() != digest
 
 
-@pytest.mark.parametrize("inner", [False, True])
+@pytest.mark.parametrize("place", ["graph", "node", "branch"])
 @pytest.mark.parametrize("location", ["../weights.bin", "/etc/passwd", "a/../../weights.bin"])
-def test_weights_outside_its_folder_are_refused(network, location, inner):
-    external(network, location, inner=inner)
+def test_weights_outside_its_folder_are_refused(network, location, place):
+    external(network, location, place=place)
     with pytest.raises(ModelError, match="outside its folder"):
         read_onnx(network)
 

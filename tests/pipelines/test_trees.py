@@ -232,17 +232,18 @@ def test_a_model_projects_back_to_its_pixels(street_tree):
 def test_frames_agree_in_the_world(street_tree):
     """A point of one frame falls onto the surface that another frame sees there."""
     cameras, images, points = read_model(street_tree / "colmap")
-    first, second = images[1], images[3]
-    assert (first[2], second[2]) == ("left/000000.png", "left/000001.png")
+    first, second = images[1], images[7]
+    assert (first[2], second[2]) == ("left/000000.png", "left/000003.png")
     width, height, (fx, fy, cx, cy) = cameras[second[1]]
     xyz = np.array([points[int(p)][0] for p in first[3][:, 2]])
     x, y, z = rotation_of(second[0][:4]) @ xyz.T + second[0][4:, None]
     u, v = np.floor([fx * x / z + cx, fy * y / z + cy]).astype(int)
-    depth = cv2.imread(str(street_tree / "depth/000001.png"), cv2.IMREAD_UNCHANGED) / 256
+    depth = cv2.imread(str(street_tree / "depth/000003.png"), cv2.IMREAD_UNCHANGED) / 256
     shown = (u >= 0) & (v >= 0) & (u < width) & (v < height) & (z > 0)
     there = depth[v[shown], u[shown]]
     off = np.abs(there - z[shown])[there > 0] / z[shown][there > 0]
-    assert np.median(off) < 0.03
+    # 1.7 %; 5.7 % where the motion between the two frames is left out.
+    assert np.quantile(off, 0.75) < 0.03
 
 
 def test_frames_without_poses_are_refused_each_with_the_reason(drive, tmp_path, capsys):
