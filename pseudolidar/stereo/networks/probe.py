@@ -241,7 +241,7 @@ def not_recognised(
             scale=1.0,
         )
     )
-    share = f"none was answered ({refusal})" if refusal else "none was answered"
+    share = f"none was taken ({refusal})" if refusal else "none gave a disparity"
     if best is not None:
         share = f"the best found {best.found:.0%} of a known scene"
     return ModelError(
