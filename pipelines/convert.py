@@ -103,7 +103,7 @@ class Convert:
         beams: only what a spinning LiDAR would measure, an HDL-64E or one with fewer beams.
         thin: fewer points, how.
         mcap: what a recording holds.
-        kitti: thinning to beams and the split of a training tree.
+        kitti: pictures and split of a training tree; with --beams its clouds look like a LiDAR's.
         colmap: how many points a COLMAP model has.
         video: make preview.mp4 too: photo, disparity and the cloud from above, H.264.
         preview: how it looks.

@@ -12,7 +12,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -22,7 +21,6 @@ from pseudolidar.formats.image import encode_png
 from pseudolidar.formats.kitti import encode_object_calib
 from pseudolidar.formats.labels import encode_labels
 from pseudolidar.formats.velodyne_bin import encode_velodyne_bin
-from pseudolidar.geometry.beams import every_nth_beam, hdl64, seen_by_beams
 from pseudolidar.geometry.cloud_frames import left_in
 from pseudolidar.geometry.frames import left_in_base_link
 from pseudolidar.running.record import FrameRecord, OutputFile
@@ -48,16 +46,14 @@ _NS_PER_S = 1e9
 
 @dataclass(frozen=True)
 class KittiTree:
-    """The training tree of `--to kitti`.
+    """The training tree of `--to kitti`; `--beams` thins its clouds to a LiDAR's.
 
     Args:
-        beams: thin clouds to what a LiDAR with so many beams sees; all points by default.
         images: write both pictures, too; as PNG without loss.
         val_share: share of the labelled pictures for validation.
         seed: decides which.
     """
 
-    beams: Literal[64, 32, 16, 4] | None = None
     images: bool = True
     val_share: float = 0.25
     seed: int = 0
@@ -87,8 +83,6 @@ def tree_files(
     """
     rig = with_velodyne(frame.rig)
     points = in_velodyne(cloud, frame.rig, rig)
-    if tree.beams is not None:
-        points = points[seen_by_beams(points.xyz, every_nth_beam(hdl64(), tree.beams))]
     half = f"{ROOT}/{'testing' if frame.labels is None else 'training'}"
     contents = {
         f"velodyne/{number}.bin": encode_velodyne_bin(points),

@@ -117,7 +117,7 @@ def test_beams_thin_the_clouds(tmp_path, capsys):
     sizes = []
     for beams in ("64", "16"):
         out = tmp_path / beams
-        args = ("--to", "kitti", "--kitti.beams", beams, "--kitti.no-images", "--frames", "0:1")
+        args = ("--to", "kitti", "--beams", beams, "--kitti.no-images", "--frames", "0:1")
         assert convert(capsys, STREET[0], out, *STREET[1:], *args)[0] == 0
         assert not (out / "kitti/training/image_2").exists()
         sizes.append((out / "kitti/training/velodyne/000000.bin").stat().st_size / 16)
@@ -158,7 +158,7 @@ def test_any_number_of_workers_and_a_second_run_leave_the_same_files(drive, tmp_
 def test_a_real_tree_has_points_in_the_labels(real_data, tmp_path, capsys):
     out = tmp_path / "out"
     source = real_data / "kitti_object" / "training"
-    args = ("--to", "kitti", "--kitti.beams", "64", "--frames", "000035,000041,000047,000130")
+    args = ("--to", "kitti", "--beams", "64", "--frames", "000035,000041,000047,000130")
     assert convert(capsys, source, out, *args)[0] == 0
     tree = KittiObject(str(out / "kitti")).open()
     counts = [n for index in range(len(tree.ids)) for n in points_in_boxes(tree.load(index))]
