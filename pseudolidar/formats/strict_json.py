@@ -13,9 +13,12 @@ from dataclasses import dataclass
 from json import JSONDecodeError, JSONDecoder
 from pathlib import Path
 
-from pseudolidar.errors import CalibrationField, CalibrationSyntax
+from pseudolidar.errors import CalibrationField, CalibrationSyntax, LimitError
 
 DEEPEST = 32
+# Values of a file: a calibration with the corners of all its pictures has some thousands, and each
+# value takes some 300 bytes of memory.
+MOST_VALUES = 100_000
 _SPACE = re.compile(r"[ \t\r\n]*")
 _TOKEN = re.compile(r"[^\s,\]}:\"\[{]*")
 _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(\.[0-9]+)?([eE][+-]?[0-9]+)?")
@@ -48,6 +51,7 @@ def parse_json(text: str, path: str | Path) -> JsonNode:
     Raises:
         CalibrationSyntax: not JSON, a number that is not finite, too deep; with line and column.
         CalibrationField: a key twice in one object, with both lines.
+        LimitError: more than 100 000 values.
     """
     parser = _Parser(text, str(path))
     node, at = parser.value(parser.skip(0), "", 0)
@@ -56,12 +60,20 @@ def parse_json(text: str, path: str | Path) -> JsonNode:
     return node
 
 
+def too_many_values(path: str, where: str) -> LimitError:
+    """The error of a file with more values than any calibration has."""
+    return LimitError(
+        f"more than {MOST_VALUES} values", want="a calibration", path=path, where=where
+    )
+
+
 class _Parser:
     """Recursive descent over one text; positions are character offsets."""
 
     def __init__(self, text: str, path: str) -> None:
         self.text, self.path = text, path
         self.lines = [0, *(match.end() for match in re.finditer("\n", text))]
+        self.values = 0
 
     def line(self, at: int) -> int:
         return bisect.bisect(self.lines, at)
@@ -79,6 +91,9 @@ class _Parser:
         )
 
     def node(self, value: Value, at: int, name: str) -> JsonNode:
+        self.values += 1
+        if self.values > MOST_VALUES:
+            raise too_many_values(self.path, f"line {self.line(at)}")
         where = f"line {self.line(at)}"
         return JsonNode(value, f"{name}, {where}" if name else where, self.path)
 

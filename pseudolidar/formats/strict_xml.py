@@ -12,7 +12,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pseudolidar.errors import CalibrationField, CalibrationSyntax
-from pseudolidar.formats.strict_json import DEEPEST, EXACT_INTEGER, JsonNode, Value
+from pseudolidar.formats.strict_json import (
+    DEEPEST,
+    EXACT_INTEGER,
+    MOST_VALUES,
+    JsonNode,
+    Value,
+    too_many_values,
+)
 from pseudolidar.formats.strict_yaml import TYPE_KEY
 from pseudolidar.formats.text import LONGEST_SHOWN, NUMBER
 
@@ -23,7 +30,7 @@ _OPEN = re.compile(r"<([A-Za-z_][\w.-]*)((?:\s+[A-Za-z_][\w.-]*\s*=\s*\"[^\"<&]*
 _CLOSE = re.compile(r"</([A-Za-z_][\w.-]*)\s*>")
 _ATTRIBUTE = re.compile(r"([A-Za-z_][\w.-]*)\s*=\s*\"([^\"]*)\"")
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
-_WORD = re.compile(r'"[^"]*"|[^\s"]+')
+_WORD = re.compile(r'"[^"]*"|[^\s"<]+')
 _ENTITY = re.compile(r"&([^;\s]{0,20});?")
 _ENTITIES = {"lt": "<", "gt": ">", "amp": "&", "quot": '"', "apos": "'"}
 _WHOLE = re.compile(r"[+-]?[0-9]+")
@@ -46,6 +53,7 @@ def parse_xml(text: str, path: str | Path) -> JsonNode:
     Raises:
         CalibrationSyntax: not this part of XML, or too deep; with line and column.
         CalibrationField: a key twice in one element, with both lines.
+        LimitError: more than 100 000 values.
     """
     return _Parser(text, str(path)).document()
 
@@ -56,6 +64,7 @@ class _Parser:
     def __init__(self, text: str, path: str) -> None:
         self.text, self.path = text, path
         self.lines = [0, *(match.end() for match in re.finditer("\n", text))]
+        self.values = 0
 
     def line(self, at: int) -> int:
         return bisect.bisect(self.lines, at)
@@ -65,6 +74,12 @@ class _Parser:
 
     def error(self, at: int, got: str, want: str) -> CalibrationSyntax:
         return CalibrationSyntax(got, want=want, path=self.path, where=self.place(at))
+
+    def count(self, at: int) -> None:
+        """Refuse more values than any calibration has."""
+        self.values += 1
+        if self.values > MOST_VALUES:
+            raise too_many_values(self.path, self.place(at))
 
     def document(self) -> JsonNode:
         prolog = _PROLOG.match(self.text)
@@ -108,6 +123,7 @@ class _Parser:
         if len(stack) > DEEPEST + 1:
             raise self.error(at, f"more than {DEEPEST} levels deep", "less")
         attributes = dict(_ATTRIBUTE.findall(match[2]))
+        self.count(at)
         stack.append(_Element(match[1], at, attributes.get(TYPE_KEY)))
         if match[3]:
             self.finish(stack)
@@ -133,8 +149,7 @@ class _Parser:
             found = repr(self.text[at : at + LONGEST_SHOWN]) if at < len(self.text) else "the end"
             raise self.error(at, found, f"</{stack[-1].name}>" if stack else f"<{ROOT}>")
         word = match[0]
-        if not word.startswith('"') and "<" in word:
-            word = word[: word.index("<")]
+        self.count(at)
         stack[-1].words.append((word, at))
         return at + len(word)
 

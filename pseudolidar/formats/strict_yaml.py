@@ -11,10 +11,18 @@ from __future__ import annotations
 import bisect
 import math
 import re
+from itertools import islice
 from pathlib import Path
 
-from pseudolidar.errors import CalibrationField, CalibrationSyntax
-from pseudolidar.formats.strict_json import DEEPEST, EXACT_INTEGER, JsonNode, Value
+from pseudolidar.errors import CalibrationField, CalibrationSyntax, LimitError
+from pseudolidar.formats.strict_json import (
+    DEEPEST,
+    EXACT_INTEGER,
+    MOST_VALUES,
+    JsonNode,
+    Value,
+    too_many_values,
+)
 from pseudolidar.formats.text import LONGEST_SHOWN, NUMBER
 
 # The key that OpenCV's JSON has for what is a tag in its YAML and an attribute in its XML.
@@ -23,6 +31,7 @@ MATRIX_TYPES = ("opencv-matrix", "opencv-nd-matrix")
 _MATRIX_TAGS = {
     form.format(kind): kind for kind in MATRIX_TYPES for form in ("!!{}", "!<tag:yaml.org,2002:{}>")
 }
+MOST_DOCUMENTS = 100
 _INTEGER = re.compile(r"[+-]?(?:0|[1-9][0-9]*)")
 _LEADING_ZEROS = re.compile(r"[+-]?0[0-9]")
 _CONSTANTS: dict[str, Value] = {"true": True, "false": False, "null": None, "~": None, "": None}
@@ -56,13 +65,18 @@ def parse_yaml(text: str, path: str | Path) -> tuple[JsonNode, ...]:
     Raises:
         CalibrationSyntax: not this part of YAML, or too deep; with line and column.
         CalibrationField: a key twice in one mapping, with both lines.
+        LimitError: more than 100 000 values in a document, or 100 documents.
     """
     return tuple(_Parser(text, str(path), *span).document() for span in _documents(text, path))
 
 
 def _documents(text: str, path: str | Path) -> list[tuple[int, int]]:
     """Where each document that is not empty begins and ends."""
-    marks = list(_DOCUMENT.finditer(text))
+    marks = list(islice(_DOCUMENT.finditer(text), MOST_DOCUMENTS + 1))
+    if len(marks) > MOST_DOCUMENTS:
+        raise LimitError(
+            f"more than {MOST_DOCUMENTS} documents", want="a calibration", path=str(path)
+        )
     begins = [0, *(mark.end() for mark in marks)]
     ends = [*(mark.start() for mark in marks), len(text)]
     spans = [span for span in zip(begins, ends, strict=True) if _has_content(text[slice(*span)])]
@@ -82,6 +96,7 @@ class _Parser:
     def __init__(self, text: str, path: str, begin: int, end: int) -> None:
         self.text, self.path, self.begin = text[:end], path, begin
         self.lines = [0, *(match.end() for match in re.finditer("\n", self.text))]
+        self.values = 0
 
     # --- places --------------------------------------------------------------------------------
 
@@ -98,6 +113,9 @@ class _Parser:
         )
 
     def node(self, value: Value, at: int, name: str) -> JsonNode:
+        self.values += 1
+        if self.values > MOST_VALUES:
+            raise too_many_values(self.path, f"line {self.line(at)}")
         where = f"line {self.line(at)}, column {self.column(at) + 1}"
         return JsonNode(value, f"{name}, {where}" if name else where, self.path)
 

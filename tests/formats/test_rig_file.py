@@ -469,6 +469,28 @@ def test_a_file_beyond_the_cap_is_not_read(tmp_path: Path) -> None:
         read_any_rig(tmp_path / "absent.yml")
 
 
+@pytest.mark.parametrize(
+    ("name", "begin", "item", "end"),
+    [
+        ("a.yml", "M1: [", "1,", "1]\n"),
+        ("a.yml", "", "---\na: 1\n", ""),
+        ("a.json", '{"M1": [', "1,", "1]}"),
+        ("a.xml", "<opencv_storage><M1>", "1 ", "</M1></opencv_storage>"),
+        ("a.xml", "<opencv_storage>", "<_>1</_>", "</opencv_storage>"),
+    ],
+)
+def test_millions_of_values_are_no_calibration(
+    name: str, begin: str, item: str, end: str, tmp_path: Path
+) -> None:
+    path = tmp_path / name
+    path.write_text(begin + item * (9_000_000 // len(item)) + end)
+    before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(LimitError, match=r"more than 100000 values|documents"):
+        read_any_rig(path, size_px=SIZE)
+    # the text in a few copies, and what 100 000 values take
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb < 300_000
+
+
 def files(folder: Path) -> dict[str, Path]:
     """One good file of each format."""
     mine = rig()
