@@ -15,6 +15,7 @@ class Limits:
     Args:
         pixels: pixels of one image.
         text_bytes: size of a calibration, label or pose file.
+        text_lines: its lines.
         points: points of one cloud.
         record_bytes: one record of a recording.
         chunk_bytes: one unpacked chunk of a recording.
@@ -24,6 +25,7 @@ class Limits:
 
     pixels: int = 100_000_000
     text_bytes: int = 10_000_000
+    text_lines: int = 300_000
     points: int = 200_000_000
     record_bytes: int = 256 * 2**20
     chunk_bytes: int = 2**30

@@ -95,7 +95,7 @@ def read_lines(
         limits: cap on its size.
 
     Raises:
-        LimitError: larger than `limits.text_bytes`.
+        LimitError: larger than `limits.text_bytes`, more lines than `limits.text_lines`.
         PseudolidarError: of kind `missing` or `error`.
     """
     try:
@@ -107,6 +107,10 @@ def read_lines(
     except OSError as fault:
         raise (missing or error)(fault.strerror or str(fault), want="a file", path=path) from fault
     text = _decode(path, data, error).replace("\r\n", "\n").replace("\r", "\n")
+    if text.count("\n") > limits.text_lines:
+        raise LimitError(
+            f"{text.count(chr(10))} lines", want=f"at most {limits.text_lines}", path=path
+        )
     return list(_numbered(path, text, error))
 
 
