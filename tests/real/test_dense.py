@@ -24,7 +24,7 @@ FILTERS = {
 
 
 def scores(pairs, matcher):
-    """By filter, mean of pairs: D1 of pixels with a disparity, density, EPE, D1 with gaps filled."""
+    """Means by filter: D1 of pixels with a disparity, density, EPE, D1 with gaps filled."""
     found = {name: [] for name in FILTERS}
     for pair in pairs:
         matched = matcher(pair)
