@@ -15,7 +15,7 @@ import numpy as np
 from pseudolidar import PointCloud, Pose
 from pseudolidar.evaluation.pictures import NOTHING, disparity_picture
 from pseudolidar.formats.atomic import write_atomic
-from pseudolidar.formats.image import encode_jpeg
+from pseudolidar.formats.pictures.image import encode_jpeg
 from pseudolidar.geometry.cloud_frames import left_in
 from pseudolidar.geometry.projection import project
 from pseudolidar.running.removed import removed_picture

@@ -14,25 +14,26 @@ from pseudolidar.clouds.normals import Normals
 from pseudolidar.clouds.outliers import Lonely
 from pseudolidar.clouds.thin import Density, Uniform, Voxel
 from pseudolidar.clouds.tool import CloudTools
-from pseudolidar.formats.mcap_content import McapContent
-from pseudolidar.formats.rig_reading import RigUnit
+from pseudolidar.formats.mcap.content import McapContent
+from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in, placed
 from pseudolidar.geometry.depth import depth_map
 from pseudolidar.geometry.frames import camera_tree, frame_tree
 from pseudolidar.running.bad_frames import OnError
-from pseudolidar.running.colmap_model import ColmapModel
 from pseudolidar.running.conversion_page import write_conversion_page
-from pseudolidar.running.crew_plan import FRAME_TIMEOUT_S, CrewPlan
-from pseudolidar.running.encoders import Converted, encoded
+from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
 from pseudolidar.running.frame_checks import MIN_DENSITY, check_pair, check_texture, scale_notes
 from pseudolidar.running.given import GivenSettings, given_maps
-from pseudolidar.running.kitti_tree import KittiTree
-from pseudolidar.running.outputs import Outputs, folder_of
-from pseudolidar.running.preview import PREVIEW_NAME, Preview, PreviewArtist, write_preview
-from pseudolidar.running.product import Product
-from pseudolidar.running.recording import RecordingPlan
+from pseudolidar.running.products.colmap_model import ColmapModel
+from pseudolidar.running.products.encoders import Converted, encoded
+from pseudolidar.running.products.kitti_tree import KittiTree
+from pseudolidar.running.products.outputs import Outputs, folder_of
+from pseudolidar.running.products.preview import PREVIEW_NAME, Preview, PreviewArtist, write_preview
+from pseudolidar.running.products.product import Product
+from pseudolidar.running.products.recording import RecordingPlan
+from pseudolidar.running.products.trees import Trees
 from pseudolidar.running.rehearsal import Rehearsal, fitting, rehearse
 from pseudolidar.running.removed import removed_lines
 from pseudolidar.running.results import RunResult
@@ -40,7 +41,6 @@ from pseudolidar.running.run import Run
 from pseudolidar.running.samples import sampled_frames
 from pseudolidar.running.settings_schema import described
 from pseudolidar.running.stream import stream
-from pseudolidar.running.trees import Trees
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select, whole

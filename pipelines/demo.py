@@ -14,7 +14,7 @@ from pseudolidar.pipelines.convert import (  # type: ignore[import-untyped]
 from pseudolidar.pipelines.convert import run as convert
 
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME
-from pseudolidar.running.outputs import Outputs
+from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.running.rehearsal import Rehearsal
 from pseudolidar.sources.synthetic import Synthetic
 

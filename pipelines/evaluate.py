@@ -15,10 +15,10 @@ from pseudolidar.evaluation.disparity import DisparityErrors, DisparityScore, di
 from pseudolidar.evaluation.disparity_report import DisparityReport
 from pseudolidar.evaluation.halves import FrameSamples, judge_halves, residuals
 from pseudolidar.evaluation.map_files import is_maps, paired_maps, read_map
-from pseudolidar.formats.rig_reading import RigUnit
-from pseudolidar.running.attempt import Skipped
+from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.running.bad_frames import OnError, good_frames
-from pseudolidar.running.crew_plan import CrewPlan
+from pseudolidar.running.crew.attempt import Skipped
+from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, Recognised
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.settings_schema import described

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pseudolidar.errors import ALL_DONE, PseudolidarError, SourceUnknown, UsageError
-from pseudolidar.running.describe import describe
-from pseudolidar.running.description import Description
+from pseudolidar.running.describing.describe import describe
+from pseudolidar.running.describing.description import Description
 from pseudolidar.running.field_markers import POSITIONAL
 
 

@@ -12,7 +12,7 @@ from pseudolidar.running.progress import ByteProgress
 from pseudolidar.running.table import table_text
 
 if TYPE_CHECKING:
-    from pseudolidar.formats.mcap_findings import Findings
+    from pseudolidar.formats.mcap.findings import Findings
 
 PART_SUFFIX = ".part"
 # Damaged places that are shown; --json has more.
@@ -52,7 +52,7 @@ def run(job: Recover) -> RecoverReport:
         RecordingError: nothing can be saved.
         OutputError: the new file cannot be written.
     """
-    from pseudolidar.formats.mcap_recover import inspect_recording, recover_recording
+    from pseudolidar.formats.mcap.recover import inspect_recording, recover_recording
 
     out = job.out or recovered_name(job.path)
     check_places(job.path, out, overwrite=job.overwrite)

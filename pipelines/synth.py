@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from pseudolidar.running.bad_frames import OnError
-from pseudolidar.running.crew_plan import CrewPlan
+from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME
-from pseudolidar.running.kitti_layouts import Drive, EncodeFrame, KittiLayout, write_shared
+from pseudolidar.running.products.kitti_layouts import Drive, EncodeFrame, KittiLayout, write_shared
 from pseudolidar.running.results import RunResult
 from pseudolidar.running.run import Run
 from pseudolidar.running.stream import stream

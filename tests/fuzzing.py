@@ -29,11 +29,11 @@ import numpy as np
 
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.formats.labels import read_labels
-from pseudolidar.formats.npz import LARGEST_EXPANSION, decode_npz, encode_npz
-from pseudolidar.formats.pcd import decode_pcd, encode_pcd, salvage_pcd
-from pseudolidar.formats.ply import decode_ply, encode_ply, salvage_ply
+from pseudolidar.formats.points.npz import LARGEST_EXPANSION, decode_npz, encode_npz
+from pseudolidar.formats.points.pcd import decode_pcd, encode_pcd, salvage_pcd
+from pseudolidar.formats.points.ply import decode_ply, encode_ply, salvage_ply
+from pseudolidar.formats.points.velodyne_bin import read_velodyne_bin
 from pseudolidar.formats.trajectory import read_kitti_poses
-from pseudolidar.formats.velodyne_bin import read_velodyne_bin
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.pose import Pose
 
@@ -263,7 +263,7 @@ def _from_file(read: Callable[[Path], Any]) -> Callable[[bytes], Any]:
 
 
 def _read_recording(path: Path) -> None:
-    from pseudolidar.sources.recording import Recording
+    from pseudolidar.sources.recording.recording import Recording
 
     source = Recording(str(path)).open()
     for index in range(len(source.ids)):

@@ -19,14 +19,14 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
 from rosbags.typesys import Stores, get_typestore
 
-from pseudolidar.formats.image import encode_png
-from pseudolidar.formats.mcap import McapLog
-from pseudolidar.formats.mcap_content import McapContent
-from pseudolidar.formats.mcap_frame import pack_frame
-from pseudolidar.formats.mcap_messages import frame_messages
-from pseudolidar.formats.mcap_prolog import describe_recording
-from pseudolidar.formats.mcap_protobuf import set_stamp
-from pseudolidar.formats.rig_json import rig_text
+from pseudolidar.formats.mcap.content import McapContent
+from pseudolidar.formats.mcap.frame import pack_frame
+from pseudolidar.formats.mcap.log import McapLog
+from pseudolidar.formats.mcap.messages import frame_messages
+from pseudolidar.formats.mcap.prolog import describe_recording
+from pseudolidar.formats.mcap.protobuf import set_stamp
+from pseudolidar.formats.pictures.image import encode_png
+from pseudolidar.formats.rigs.rig_json import rig_text
 from pseudolidar.geometry.frames import R_BODY_OPTICAL, frame_tree
 from pseudolidar.geometry.quaternion import quaternion_wxyz, rotation_of
 from pseudolidar.structures.camera import Camera, StereoRig

@@ -17,9 +17,9 @@ import pytest
 
 from pseudolidar import cli
 from pseudolidar.commandline.verbs import RUN_VERB, verb_files
-from pseudolidar.formats.pcd import read_pcd
-from pseudolidar.formats.rig_fields import MINIMAL_RIG
-from pseudolidar.formats.rig_json import parse_rig, write_rig
+from pseudolidar.formats.points.pcd import read_pcd
+from pseudolidar.formats.rigs.rig_fields import MINIMAL_RIG
+from pseudolidar.formats.rigs.rig_json import parse_rig, write_rig
 from pseudolidar.running.settings_json import to_json
 from pseudolidar.sources.synthetic import Synthetic
 

@@ -15,9 +15,9 @@ import pytest
 
 from pseudolidar.commandline.verbs import verb_files
 from pseudolidar.formats.atomic import write_atomic
-from pseudolidar.formats.image import encode_png
-from pseudolidar.formats.pcd import read_pcd
-from pseudolidar.formats.rig_json import write_rig
+from pseudolidar.formats.pictures.image import encode_png
+from pseudolidar.formats.points.pcd import read_pcd
+from pseudolidar.formats.rigs.rig_json import write_rig
 from pseudolidar.running.part_trials import trial_frame
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -92,7 +92,7 @@ def test_the_sdist_holds_the_pipelines_and_makes_the_same_wheel(
     from_sdist = contents(next(built.glob("*.whl")))
     assert contents(next(tmp_path.glob("*.whl"))) == from_sdist
     assert {f"pseudolidar/{name}" for name in pipelines} <= set(from_sdist)
-    assert {"pseudolidar/py.typed", "pseudolidar/formats/rig.schema.json"} <= set(from_sdist)
+    assert {"pseudolidar/py.typed", "pseudolidar/formats/rigs/rig.schema.json"} <= set(from_sdist)
 
 
 def test_pipelines_are_imported_from_the_wheel(installed: Path, tmp_path: Path) -> None:

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pseudolidar.errors import ImageFormat, ReferenceMissing, SourceEmpty
-from pseudolidar.formats.disparity_npy import read_disparity_npy
-from pseudolidar.formats.disparity_png import read_disparity_png
-from pseudolidar.formats.pfm import read_pfm
+from pseudolidar.formats.pictures.disparity_npy import read_disparity_npy
+from pseudolidar.formats.pictures.disparity_png import read_disparity_png
+from pseudolidar.formats.pictures.pfm import read_pfm
 from pseudolidar.structures.disparity import DisparityMap
 
 READERS: dict[str, Callable[[Path], DisparityMap]] = {

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from pseudolidar.formats.image import encode_jpeg, encode_png
+from pseudolidar.formats.pictures.image import encode_jpeg, encode_png
 from pseudolidar.structures.arrays import UInt8
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ import numpy as np
 
 from pseudolidar.errors import LabelError
 from pseudolidar.formats.atomic import write_atomic
-from pseudolidar.formats.kitti_calibration import FRAME_CAM0
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.rigs.kitti_calibration import FRAME_CAM0
 from pseudolidar.formats.text import TextLine, Word, read_lines
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.box import Box3D, Detection, Label

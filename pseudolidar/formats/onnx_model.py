@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pseudolidar.errors import ModelError
-from pseudolidar.formats.protobuf_wire import message_fields
+from pseudolidar.formats.recordings.protobuf_wire import message_fields
 
 # Formats that run code when they are loaded, and formats that other programs load.
 PICKLED = (".pt", ".pth", ".pkl", ".pickle", ".joblib", ".ckpt", ".bin", ".tar")

@@ -12,7 +12,7 @@ from pseudolidar.errors import (
     UsageError,
     WorkerFault,
 )
-from pseudolidar.running.attempt import Done, Skipped
+from pseudolidar.running.crew.attempt import Done, Skipped
 
 OnError = Literal["skip", "stop"]
 

@@ -16,8 +16,8 @@ from pseudolidar.evaluation.pictures import (
     top_picture,
 )
 from pseudolidar.formats.atomic import write_atomic
-from pseudolidar.running.encoders import DEPTH_BIN_M
-from pseudolidar.running.preview import PREVIEW_NAME
+from pseudolidar.running.products.encoders import DEPTH_BIN_M
+from pseudolidar.running.products.preview import PREVIEW_NAME
 from pseudolidar.running.removed import KEPT, REMOVED, colours_text, removed_lines, removed_picture
 from pseudolidar.running.results import RunResult
 from pseudolidar.running.samples import TOP_AHEAD_M, TOP_ASIDE_M, FrameSample, read_samples

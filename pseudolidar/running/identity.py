@@ -16,7 +16,7 @@ from pseudolidar.sources.source import FrameSequence
 from pseudolidar.structures.recorded import Frame
 
 if TYPE_CHECKING:
-    from pseudolidar.formats.mcap_prolog import McapProlog
+    from pseudolidar.formats.mcap.prolog import McapProlog
 
 SYNTHETIC_TIME = "time: synthetic"
 # Settings of sources that are paths; files of calibration and of times count by their content.
@@ -79,7 +79,7 @@ def calibration_text(source: FrameSequence[Frame]) -> str:
 
     Without one what the source says of its camera, or "".
     """
-    from pseudolidar.formats.rig_json import rig_text
+    from pseudolidar.formats.rigs.rig_json import rig_text
 
     if source.rig is None:
         return source.summary.camera
@@ -95,7 +95,7 @@ def source_name(source: FrameSequence[Frame]) -> str:
 
 def prologue(job: Any, source: FrameSequence[Frame]) -> McapProlog:
     """What a recording of this run says about itself; nothing that changes from run to run."""
-    from pseudolidar.formats.mcap_prolog import describe_recording
+    from pseudolidar.formats.mcap.prolog import describe_recording
 
     settings = without_places(result_settings(job))
     synthetic = any(SYNTHETIC_TIME in note for note in source.summary.notes)

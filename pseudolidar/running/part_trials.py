@@ -39,7 +39,7 @@ _SUM_GRAPH = bytes.fromhex(
 
 def images() -> str:
     """Encode and decode pictures."""
-    from pseudolidar.formats.image import decode_image, encode_jpeg, encode_png
+    from pseudolidar.formats.pictures.image import decode_image, encode_jpeg, encode_png
 
     picture = np.ascontiguousarray(_texture()[:, :_WIDTH])
     _check(np.array_equal(decode_image(encode_png(picture), "trial.png").pixels, picture), "PNG")
@@ -102,7 +102,7 @@ def filters() -> str:
 
 def clouds() -> str:
     """Write and read a point cloud, compressed too."""
-    from pseudolidar.formats.pcd import read_pcd, write_pcd
+    from pseudolidar.formats.points.pcd import read_pcd, write_pcd
 
     cloud = PointCloud(np.random.default_rng(_SEED).random((500, 3), np.float32), "camera_left")
     with tempfile.TemporaryDirectory() as folder:
@@ -116,10 +116,10 @@ def recordings() -> str:
     """Write an MCAP and read it with the library's own reader."""
     from mcap.reader import make_reader
 
-    from pseudolidar.formats.mcap import McapLog
-    from pseudolidar.formats.mcap_frame import pack_frame
-    from pseudolidar.formats.mcap_messages import frame_messages
-    from pseudolidar.formats.mcap_prolog import McapProlog
+    from pseudolidar.formats.mcap.frame import pack_frame
+    from pseudolidar.formats.mcap.log import McapLog
+    from pseudolidar.formats.mcap.messages import frame_messages
+    from pseudolidar.formats.mcap.prolog import McapProlog
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "trial.mcap"

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from pseudolidar.formats.checksum import crc32
-from pseudolidar.running.attempt import Skipped
+from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.running.folder import inside, stays_inside
 
 _BLOCK_BYTES = 1 << 20

@@ -9,9 +9,9 @@ from typing import Any, Self
 
 from pseudolidar.errors import OutputError
 from pseudolidar.formats.atomic import free_bytes
-from pseudolidar.running.attempt import AnyFrame, Done, Skipped
-from pseudolidar.running.crew_plan import CrewPlan
-from pseudolidar.running.product import Product
+from pseudolidar.running.crew.attempt import AnyFrame, Done, Skipped
+from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.products.product import Product
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.source import FrameSequence
 

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any, Protocol, Self, TypeVar
 
 from pseudolidar.errors import OutputError, PseudolidarError
-from pseudolidar.running.attempt import Done, Skipped
 from pseudolidar.running.bad_frames import OnError, good_frames
-from pseudolidar.running.crew_plan import CrewPlan
+from pseudolidar.running.crew.attempt import Done, Skipped
+from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.crew.in_flight import InFlight, noting
 from pseudolidar.running.folder import own_folder
 from pseudolidar.running.identity import identity
-from pseudolidar.running.in_flight import InFlight, noting
 from pseudolidar.running.journal import Journal
-from pseudolidar.running.product import Product
+from pseudolidar.running.products.product import Product
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.record import FileRecord, FrameRecord
 from pseudolidar.running.results import RunResult, Stopwatch, write_results

@@ -13,9 +13,9 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterator
 from itertools import islice
 
-from pseudolidar.running.attempt import AnyFrame, Done, NewResult, Skipped
-from pseudolidar.running.crew_plan import CrewPlan
-from pseudolidar.running.in_flight import InFlight
+from pseudolidar.running.crew.attempt import AnyFrame, Done, NewResult, Skipped
+from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.crew.in_flight import InFlight
 from pseudolidar.running.memory import keep_freed_memory
 from pseudolidar.sources.source import FrameSequence
 

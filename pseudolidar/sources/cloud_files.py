@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import ClassVar
 
 from pseudolidar.errors import PointFileMissing, PseudolidarError, SourceEmpty
-from pseudolidar.formats.cloud_file import FORMATS, CloudReading, format_of, is_cloud_file
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.points.cloud_file import FORMATS, CloudReading, format_of, is_cloud_file
+from pseudolidar.formats.points.velodyne_bin import POINT_BYTES
 from pseudolidar.formats.timestamps import read_times, read_timestamps
-from pseudolidar.formats.velodyne_bin import POINT_BYTES
 from pseudolidar.sources.names import natural_key, safe_id, stamp_unit_ns, time_of_name_ns
 from pseudolidar.sources.source import SourceSummary
 from pseudolidar.sources.stamps import FrameTimes, read_frame_times, synthetic_times

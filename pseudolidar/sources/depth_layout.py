@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pseudolidar.errors import ImageMissing, PairMismatch, PseudolidarError, SourceEmpty
 from pseudolidar.formats.limits import Limits
-from pseudolidar.formats.map_pixels import READERS
+from pseudolidar.formats.pictures.map_pixels import READERS
 from pseudolidar.formats.tum import TimedName, read_associations, read_picture_list
 from pseudolidar.sources.folder_layout import list_pictures
 from pseudolidar.sources.names import natural_key, safe_id

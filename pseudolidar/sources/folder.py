@@ -13,11 +13,11 @@ from pseudolidar.errors import (
     SourceUnknown,
     UsageError,
 )
-from pseudolidar.formats.image import read_image, read_size
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.rig_file import find_rig, read_any_rig
-from pseudolidar.formats.rig_json import missing_rig, rig_warnings
-from pseudolidar.formats.rig_reading import RigReading, RigUnit
+from pseudolidar.formats.pictures.image import read_image, read_size
+from pseudolidar.formats.rigs.rig_file import find_rig, read_any_rig
+from pseudolidar.formats.rigs.rig_json import missing_rig, rig_warnings
+from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit
 from pseudolidar.formats.time_table import read_time_table
 from pseudolidar.sources.folder_layout import (
     Layout,

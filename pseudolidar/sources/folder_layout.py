@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pseudolidar.errors import SourceUnknown, UsageError
-from pseudolidar.formats.image_kinds import EXTENSIONS
+from pseudolidar.formats.pictures.image_kinds import EXTENSIONS
 from pseudolidar.sources.names import natural_key
 from pseudolidar.sources.pairing import (
     FOLDER_NUMBERS,

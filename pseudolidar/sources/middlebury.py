@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from pseudolidar.errors import PseudolidarError, SourceEmpty, SourceUnknown
-from pseudolidar.formats.image import read_image
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.rig_json import rig_warnings
-from pseudolidar.formats.rig_reading import RigReading
+from pseudolidar.formats.pictures.image import read_image
+from pseudolidar.formats.rigs.rig_json import rig_warnings
+from pseudolidar.formats.rigs.rig_reading import RigReading
 from pseudolidar.sources.folder_layout import list_folders
 from pseudolidar.sources.middlebury_scenes import YEARS, Scene, find_scene, read_truth, rig_of
 from pseudolidar.sources.names import safe_id

@@ -9,15 +9,15 @@ from typing import Literal
 import numpy as np
 
 from pseudolidar.errors import CalibrationField, ImageFormat, ImageMissing, StructureError
-from pseudolidar.formats.image import read_image, read_size
 from pseudolidar.formats.limits import Limits
-from pseudolidar.formats.middlebury import (
+from pseudolidar.formats.pictures.image import read_image, read_size
+from pseudolidar.formats.pictures.pfm import read_pfm
+from pseudolidar.formats.rigs.middlebury import (
     RANGE_MARGIN_PX,
     is_middlebury_calib,
     read_middlebury_calib,
 )
-from pseudolidar.formats.pfm import read_pfm
-from pseudolidar.formats.rig_reading import RigReading
+from pseudolidar.formats.rigs.rig_reading import RigReading
 from pseudolidar.formats.text import read_lines
 from pseudolidar.sources.folder_layout import list_pictures
 from pseudolidar.structures.arrays import Float32

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pseudolidar.errors import ImageMissing, PairMismatch, PseudolidarError
-from pseudolidar.formats.image_kinds import EXTENSIONS
+from pseudolidar.formats.pictures.image_kinds import EXTENSIONS
 
-# What `formats/image.py` decodes.
+# What `formats/pictures/image.py` decodes.
 IMAGE_SUFFIXES = frozenset(EXTENSIONS)
 # The numbers of a name: `0000000005` is (5,), stereo's `000013_10` is (13, 10).
 FrameNumber = tuple[int, ...]

@@ -11,12 +11,12 @@ from typing import ClassVar
 import numpy as np
 
 from pseudolidar.errors import CalibrationSizeMismatch, NotRectified, PseudolidarError
-from pseudolidar.formats.rig_file import read_any_rig
-from pseudolidar.formats.rig_json import rig_warnings
-from pseudolidar.formats.rig_reading import RigUnit
+from pseudolidar.formats.rigs.rig_file import read_any_rig
+from pseudolidar.formats.rigs.rig_json import rig_warnings
+from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.geometry.frames import BASE_LINK, left_in_base_link
 from pseudolidar.sources.folder import Folders
-from pseudolidar.sources.recording import Recording
+from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.sources.source import (
     FrameSequence,
     FrameSource,
@@ -25,7 +25,7 @@ from pseudolidar.sources.source import (
     pairs_of,
 )
 from pseudolidar.sources.tum_depth import TumDepth
-from pseudolidar.sources.video import Video
+from pseudolidar.sources.video.videos import Video
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.pose import Pose

@@ -8,15 +8,15 @@ from pathlib import Path
 from pseudolidar.errors import SourceUnknown
 from pseudolidar.sources.cloud_files import CloudFiles
 from pseudolidar.sources.folder import Folders, seen_in
-from pseudolidar.sources.kitti_object import KittiObject
-from pseudolidar.sources.kitti_odometry import KittiOdometry
-from pseudolidar.sources.kitti_raw import KittiRaw
-from pseudolidar.sources.kitti_stereo import KittiStereo
+from pseudolidar.sources.kitti.object import KittiObject
+from pseudolidar.sources.kitti.odometry import KittiOdometry
+from pseudolidar.sources.kitti.raw import KittiRaw
+from pseudolidar.sources.kitti.stereo import KittiStereo
 from pseudolidar.sources.middlebury import Middlebury
-from pseudolidar.sources.recording import Recording
+from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.sources.synthetic import SYNTHETIC, Synthetic, world_and_frames
 from pseudolidar.sources.tum_depth import TumDepth
-from pseudolidar.sources.video import Video
+from pseudolidar.sources.video.videos import Video
 
 Source = (
     KittiRaw

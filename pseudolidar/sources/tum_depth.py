@@ -17,10 +17,10 @@ from pseudolidar.errors import (
     SourceUnknown,
     UsageError,
 )
-from pseudolidar.formats.camera_file import CameraReading, read_camera
-from pseudolidar.formats.image import read_image, read_size
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.map_pixels import read_map_pixels
+from pseudolidar.formats.pictures.image import read_image, read_size
+from pseudolidar.formats.pictures.map_pixels import read_map_pixels
+from pseudolidar.formats.rigs.camera_file import CameraReading, read_camera
 from pseudolidar.formats.tum import read_tum_trajectory
 from pseudolidar.geometry.frames import BASE_LINK, MAP, R_BODY_OPTICAL
 from pseudolidar.sources.depth_layout import (

@@ -20,7 +20,7 @@ from pseudolidar.errors import (
     UsageError,
 )
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.map_pixels import READERS, MapPixels, read_map_pixels
+from pseudolidar.formats.pictures.map_pixels import READERS, MapPixels, read_map_pixels
 from pseudolidar.formats.text import NUMBER
 from pseudolidar.geometry.triangulation import disparity_from_depth, measured_disparity
 from pseudolidar.structures.arrays import Float32

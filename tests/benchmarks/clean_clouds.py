@@ -27,8 +27,8 @@ from pseudolidar.evaluation.scan_surface import ScanSurface
 from pseudolidar.geometry.depth import depth_map
 from pseudolidar.geometry.open3d_library import load_open3d
 from pseudolidar.running.memory import keep_freed_memory
-from pseudolidar.sources.kitti_raw import KittiRaw
-from pseudolidar.sources.kitti_stereo import KittiStereo
+from pseudolidar.sources.kitti.raw import KittiRaw
+from pseudolidar.sources.kitti.stereo import KittiStereo
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.clean import REASONS, Clean

@@ -21,7 +21,7 @@ from pathlib import Path
 from pseudolidar.pipelines.convert import Convert, ConvertFrame, opened
 
 from pseudolidar.running.memory import keep_freed_memory
-from pseudolidar.running.outputs import Outputs
+from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.sources.recognise import recognise
 from tests.conftest import DATA, ROOT
 

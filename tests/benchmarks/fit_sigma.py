@@ -12,7 +12,7 @@ import sys
 import numpy as np
 
 from pseudolidar.calibration.refine import fit
-from pseudolidar.sources.kitti_stereo import KittiStereo
+from pseudolidar.sources.kitti.stereo import KittiStereo
 from pseudolidar.stereo.census import Census, CensusMatcher
 from pseudolidar.stereo.sigma_model import fit_sigma
 from pseudolidar.structures.arrays import Float64

@@ -10,7 +10,7 @@ from pseudolidar.clouds.ground_fit import GroundFit
 from pseudolidar.geometry.cloud_frames import left_in
 from pseudolidar.geometry.frames import R_BODY_OPTICAL, frame_tree
 from pseudolidar.geometry.planes import Plane
-from pseudolidar.sources.kitti_stereo import KittiStereo
+from pseudolidar.sources.kitti.stereo import KittiStereo
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.reproject import Reproject

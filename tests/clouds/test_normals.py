@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pseudolidar.clouds.normals import Normals
-from pseudolidar.formats.pcd import decode_pcd, encode_pcd
-from pseudolidar.formats.ply import decode_ply, encode_ply
+from pseudolidar.formats.points.pcd import decode_pcd, encode_pcd
+from pseudolidar.formats.points.ply import decode_ply, encode_ply
 from pseudolidar.geometry.frames import R_BODY_OPTICAL
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.pose import Pose

@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 from pseudolidar.cli import main
 from pseudolidar.clouds.outliers import Lonely
 from pseudolidar.errors import StereoConfig
-from pseudolidar.formats.pcd import read_pcd, write_pcd
+from pseudolidar.formats.points.pcd import read_pcd, write_pcd
 from pseudolidar.structures.cloud import PointCloud
 
 

@@ -8,8 +8,8 @@ from pseudolidar.calibration.refine import fit
 from pseudolidar.errors import ReferenceMissing, StructureError
 from pseudolidar.evaluation.lidar import cloud_against_scan, scan_samples
 from pseudolidar.evaluation.ranges import errors_by_range
-from pseudolidar.sources.kitti_raw import KittiRaw
-from pseudolidar.sources.kitti_stereo import KittiStereo
+from pseudolidar.sources.kitti.raw import KittiRaw
+from pseudolidar.sources.kitti.stereo import KittiStereo
 from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.stereo.sgbm import Sgbm
 from pseudolidar.structures.camera import Camera, StereoRig

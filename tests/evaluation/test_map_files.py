@@ -3,8 +3,8 @@ import pytest
 
 from pseudolidar.errors import ImageFormat, ReferenceMissing, SourceEmpty
 from pseudolidar.evaluation.map_files import is_maps, paired_maps, read_map
-from pseudolidar.formats.disparity_png import write_disparity_png
-from pseudolidar.formats.pfm import write_pfm
+from pseudolidar.formats.pictures.disparity_png import write_disparity_png
+from pseudolidar.formats.pictures.pfm import write_pfm
 from pseudolidar.structures.disparity import DisparityMap
 
 VALUES = np.array([[1.5, np.nan, 3.25], [40.0, 5.0, np.nan]], np.float32)

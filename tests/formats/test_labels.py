@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from pseudolidar.errors import LabelError
-from pseudolidar.formats.kitti import read_object_calib
-from pseudolidar.formats.kitti_calibration import COLOUR, FRAME_CAM0
 from pseudolidar.formats.labels import (
     read_labels,
     read_tracking_labels,
     unknown_classes,
     write_labels,
 )
+from pseudolidar.formats.rigs.kitti import read_object_calib
+from pseudolidar.formats.rigs.kitti_calibration import COLOUR, FRAME_CAM0
 from pseudolidar.structures.pose import Pose
 
 # Left camera 6 cm right of camera 0, as KITTI's colour camera nearly is.

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from pseudolidar.errors import InputChanged
-from pseudolidar.formats.image import read_image
-from pseudolidar.formats.ply import read_ply
-from pseudolidar.formats.velodyne_bin import read_velodyne_bin
+from pseudolidar.formats.pictures.image import read_image
+from pseudolidar.formats.points.ply import read_ply
+from pseudolidar.formats.points.velodyne_bin import read_velodyne_bin
 from pseudolidar.formats.whole_read import read_whole
 
 

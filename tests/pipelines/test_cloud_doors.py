@@ -12,12 +12,12 @@ import pytest
 from pseudolidar.pipelines.convert import Convert, run
 
 from pseudolidar.formats.atomic import write_atomic
-from pseudolidar.formats.cloud_file import read_cloud
-from pseudolidar.formats.npz import encode_npz
-from pseudolidar.formats.pcd import encode_pcd
-from pseudolidar.formats.ply import encode_ply
-from pseudolidar.formats.velodyne_bin import read_velodyne_bin, write_velodyne_bin
-from pseudolidar.running.outputs import Outputs
+from pseudolidar.formats.points.cloud_file import read_cloud
+from pseudolidar.formats.points.npz import encode_npz
+from pseudolidar.formats.points.pcd import encode_pcd
+from pseudolidar.formats.points.ply import encode_ply
+from pseudolidar.formats.points.velodyne_bin import read_velodyne_bin, write_velodyne_bin
+from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.frame import LidarScan

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from pseudolidar.pipelines.convert import Convert, run
 
-from pseudolidar.running.outputs import Outputs
+from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.sources.recognise import recognise
 
 

@@ -17,12 +17,12 @@ from pseudolidar.errors import (
     TooManyBadFrames,
     UsageError,
 )
-from pseudolidar.formats.depth_png import read_depth_png
-from pseudolidar.formats.npz import read_npz
-from pseudolidar.formats.pcd import read_pcd
-from pseudolidar.formats.ply import read_ply
-from pseudolidar.formats.velodyne_bin import read_velodyne_bin
-from pseudolidar.running.outputs import Outputs
+from pseudolidar.formats.pictures.depth_png import read_depth_png
+from pseudolidar.formats.points.npz import read_npz
+from pseudolidar.formats.points.pcd import read_pcd
+from pseudolidar.formats.points.ply import read_ply
+from pseudolidar.formats.points.velodyne_bin import read_velodyne_bin
+from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.running.record import FrameRecord
 from pseudolidar.running.samples import read_samples, sampled_frames
 from pseudolidar.sources.folder import Folders

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pseudolidar.cli import main
-from pseudolidar.formats.depth_png import read_depth_png
-from pseudolidar.formats.disparity_png import read_disparity_png
-from pseudolidar.formats.pcd import read_pcd
+from pseudolidar.formats.pictures.depth_png import read_depth_png
+from pseudolidar.formats.pictures.disparity_png import read_disparity_png
+from pseudolidar.formats.points.pcd import read_pcd
 
 STREET = ["synthetic:street:1", "--width-px", "621", "--to", "pcd,disparity,depth"]
 

@@ -10,9 +10,9 @@ import pytest
 from pseudolidar.pipelines.convert import Convert, run
 
 from pseudolidar.cli import main
-from pseudolidar.formats.pcd import read_pcd
+from pseudolidar.formats.points.pcd import read_pcd
 from pseudolidar.running.journal_file import JOURNAL_NAME
-from pseudolidar.running.outputs import Outputs
+from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.sources.selection import FrameSelection
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census

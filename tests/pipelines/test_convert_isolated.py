@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from pseudolidar.cli import main
-from pseudolidar.running.in_flight import IN_FLIGHT_NAME, left_by_the_last_run
+from pseudolidar.running.crew.in_flight import IN_FLIGHT_NAME, left_by_the_last_run
 
 ALL = "pcd,ply,bin,npz,disparity,depth,mcap"
 OF_THE_RUN = {"run.json", "report.json", "report.html", "journal.jsonl"}

@@ -12,13 +12,13 @@ from pseudolidar.pipelines.convert import Convert, run
 from rosbags.highlevel import AnyReader
 
 from pseudolidar.cli import main
-from pseudolidar.formats.mcap_check import check_mcap
-from pseudolidar.formats.mcap_content import McapContent
-from pseudolidar.formats.pcd import read_pcd, write_pcd
-from pseudolidar.running.outputs import Outputs
+from pseudolidar.formats.mcap.check import check_mcap
+from pseudolidar.formats.mcap.content import McapContent
+from pseudolidar.formats.points.pcd import read_pcd, write_pcd
+from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.synthetic import Synthetic
-from tests.formats.test_mcap_messages import full_cloud
+from tests.formats.mcap.test_messages import full_cloud
 from tests.pipelines.test_convert_interrupted import killed_on_the_way, tree
 from tests.sources.test_tum_depth import tum
 

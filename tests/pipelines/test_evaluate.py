@@ -9,11 +9,11 @@ from pseudolidar.pipelines.evaluate import Evaluate, Maps, run
 
 from pseudolidar.cli import main
 from pseudolidar.errors import ReferenceMissing, UsageError
-from pseudolidar.formats.disparity_png import write_disparity_png
-from pseudolidar.formats.kitti import CAM_TO_CAM, write_raw_calib
-from pseudolidar.formats.rig_json import write_rig
-from pseudolidar.sources.kitti_raw import KittiRaw
-from pseudolidar.sources.kitti_stereo import KittiStereo
+from pseudolidar.formats.pictures.disparity_png import write_disparity_png
+from pseudolidar.formats.rigs.kitti import CAM_TO_CAM, write_raw_calib
+from pseudolidar.formats.rigs.rig_json import write_rig
+from pseudolidar.sources.kitti.raw import KittiRaw
+from pseudolidar.sources.kitti.stereo import KittiStereo
 from pseudolidar.stereo.sgbm import Sgbm
 from pseudolidar.structures.camera import Camera, DisparityCorrection, StereoRig
 from pseudolidar.structures.disparity import DisparityMap

@@ -15,10 +15,10 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from pseudolidar.cli import main
-from pseudolidar.formats.kitti import CAM_TO_CAM, VELO_TO_CAM
-from pseudolidar.formats.npz import read_npz
-from pseudolidar.formats.pcd import read_pcd
-from pseudolidar.formats.ply import read_ply
+from pseudolidar.formats.points.npz import read_npz
+from pseudolidar.formats.points.pcd import read_pcd
+from pseudolidar.formats.points.ply import read_ply
+from pseudolidar.formats.rigs.kitti import CAM_TO_CAM, VELO_TO_CAM
 from pseudolidar.running.folder import own_folder
 
 ALL = "pcd,ply,bin,npz,disparity,depth,mcap"

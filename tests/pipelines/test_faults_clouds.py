@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from pseudolidar.cli import main
-from pseudolidar.formats.npz import encode_npz
-from pseudolidar.formats.pcd import encode_pcd, read_pcd
-from pseudolidar.formats.ply import encode_ply, read_ply
-from pseudolidar.formats.velodyne_bin import encode_velodyne_bin
+from pseudolidar.formats.points.npz import encode_npz
+from pseudolidar.formats.points.pcd import encode_pcd, read_pcd
+from pseudolidar.formats.points.ply import encode_ply, read_ply
+from pseudolidar.formats.points.velodyne_bin import encode_velodyne_bin
 from pseudolidar.structures.cloud import PointCloud
 
 POINTS, FRAMES = 100, 6
@@ -195,8 +195,8 @@ CLAIMS = """
 import resource, sys, time
 from pathlib import Path
 from pseudolidar.errors import PointFileTruncated
-from pseudolidar.formats.cloud_file import read_cloud
-import pseudolidar.formats.lzf
+from pseudolidar.formats.points.cloud_file import read_cloud
+import pseudolidar.formats.points.lzf
 
 path = Path(sys.argv[1])
 before_kb, begin_s = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from pseudolidar.cli import main
-from pseudolidar.formats.k_txt import write_k_txt
-from pseudolidar.formats.kitti import write_odometry_calib
-from pseudolidar.formats.middlebury import write_middlebury_calib
-from pseudolidar.formats.opencv_rig_writers import write_camera_info, write_opencv_yaml
-from pseudolidar.formats.rig_json import read_rig
+from pseudolidar.formats.rigs.k_txt import write_k_txt
+from pseudolidar.formats.rigs.kitti import write_odometry_calib
+from pseudolidar.formats.rigs.middlebury import write_middlebury_calib
+from pseudolidar.formats.rigs.opencv_rig_writers import write_camera_info, write_opencv_yaml
+from pseudolidar.formats.rigs.rig_json import read_rig
 from pseudolidar.structures.camera import StereoRig
 
 

@@ -22,14 +22,14 @@ from pseudolidar.errors import (
     StructureError,
     UsageError,
 )
-from pseudolidar.formats.npz import read_npz
-from pseudolidar.formats.pfm import write_pfm
-from pseudolidar.formats.rig_json import write_rig
+from pseudolidar.formats.pictures.pfm import write_pfm
+from pseudolidar.formats.points.npz import read_npz
+from pseudolidar.formats.rigs.rig_json import write_rig
 from pseudolidar.geometry.depth import depth_map
 from pseudolidar.geometry.triangulation import corrected_disparity, measured_disparity
-from pseudolidar.running.outputs import Outputs
+from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.sources.folder import Folders
-from pseudolidar.sources.kitti_stereo import KittiStereo
+from pseudolidar.sources.kitti.stereo import KittiStereo
 from pseudolidar.sources.selection import FrameSelection
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.sources.tum_depth import TumDepth

@@ -13,10 +13,10 @@ import pytest
 from onnx import TensorProto, helper
 
 from pseudolidar.cli import main
-from pseudolidar.formats.disparity_png import write_disparity_png
-from pseudolidar.formats.npz import write_npz
-from pseudolidar.formats.pcd import write_pcd
-from pseudolidar.formats.ply import write_ply
+from pseudolidar.formats.pictures.disparity_png import write_disparity_png
+from pseudolidar.formats.points.npz import write_npz
+from pseudolidar.formats.points.pcd import write_pcd
+from pseudolidar.formats.points.ply import write_ply
 from pseudolidar.formats.trajectory import write_kitti_poses
 from pseudolidar.formats.tum import write_tum_trajectory
 from pseudolidar.structures.cloud import PointCloud

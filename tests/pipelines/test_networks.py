@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pseudolidar.cli import main
-from pseudolidar.formats.disparity_png import read_disparity_png
+from pseudolidar.formats.pictures.disparity_png import read_disparity_png
 from tests.pipelines.conftest import DISPARITY_PX
 from tests.stereo import graphs
 

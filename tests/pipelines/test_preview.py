@@ -17,10 +17,10 @@ from pseudolidar.pipelines.convert import Convert, run
 from pseudolidar.cli import main
 from pseudolidar.evaluation.pictures import disparity_picture
 from pseudolidar.evaluation.preview_picture import CAPTION_PX
-from pseudolidar.formats.image import read_image
+from pseudolidar.formats.pictures.image import read_image
 from pseudolidar.running.journal_file import JOURNAL_NAME
-from pseudolidar.running.outputs import Outputs
-from pseudolidar.running.preview import LONGEST_S, PREVIEW_NAME, Preview, steps_ticks
+from pseudolidar.running.products.outputs import Outputs
+from pseudolidar.running.products.preview import LONGEST_S, PREVIEW_NAME, Preview, steps_ticks
 from pseudolidar.sources.recognise import recognise
 from tests.pipelines.conftest import DISPARITY_PX, FRAMES
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pseudolidar.cli import main
-from tests.formats.test_mcap_recover import ours, part_path, read, write
+from tests.formats.mcap.test_recover import ours, part_path, read, write
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 
 from pseudolidar.cli import main
 from pseudolidar.geometry.quaternion import rotation_of
-from pseudolidar.sources.kitti_object import KittiObject
+from pseudolidar.sources.kitti.object import KittiObject
 from pseudolidar.sources.synthetic import Synthetic
 
 STREET = ("synthetic:street", "--source.width-px", "400", "--source.frames", "4")

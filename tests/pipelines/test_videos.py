@@ -11,7 +11,7 @@ import pytest
 
 from pipelines.convert import Convert, run
 from pseudolidar.cli import main
-from pseudolidar.running.outputs import Outputs
+from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.selection import FrameSelection
 from tests.videos import write_video

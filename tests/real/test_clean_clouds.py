@@ -15,7 +15,7 @@ from pseudolidar.evaluation.ghosts import GHOST_M, GHOST_REL, judge_points
 from pseudolidar.evaluation.lidar import scan_samples
 from pseudolidar.evaluation.scan_surface import ScanSurface
 from pseudolidar.running.memory import keep_freed_memory
-from pseudolidar.sources.kitti_stereo import KittiStereo
+from pseudolidar.sources.kitti.stereo import KittiStereo
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.clean import Clean
 from pseudolidar.stereo.reproject import Reproject

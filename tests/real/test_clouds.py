@@ -11,13 +11,13 @@ import pytest
 from pseudolidar import PointCloud, StereoFrame
 from pseudolidar.cli import main
 from pseudolidar.evaluation.lidar import cloud_against_scan
-from pseudolidar.formats.depth_png import read_depth_png
-from pseudolidar.formats.disparity_png import read_disparity_png
-from pseudolidar.formats.mcap_check import check_mcap
-from pseudolidar.formats.npz import read_npz
-from pseudolidar.formats.pcd import read_pcd
-from pseudolidar.formats.ply import read_ply
-from pseudolidar.formats.velodyne_bin import read_velodyne_bin
+from pseudolidar.formats.mcap.check import check_mcap
+from pseudolidar.formats.pictures.depth_png import read_depth_png
+from pseudolidar.formats.pictures.disparity_png import read_disparity_png
+from pseudolidar.formats.points.npz import read_npz
+from pseudolidar.formats.points.pcd import read_pcd
+from pseudolidar.formats.points.ply import read_ply
+from pseudolidar.formats.points.velodyne_bin import read_velodyne_bin
 from pseudolidar.geometry.cloud_frames import left_in
 from pseudolidar.geometry.depth import depth_map
 from pseudolidar.geometry.projection import project

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pseudolidar.evaluation.disparity import disparity_errors
-from pseudolidar.sources.kitti_stereo import KittiStereo
+from pseudolidar.sources.kitti.stereo import KittiStereo
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filled_map import Surfaces
 from pseudolidar.stereo.map_filter import MapFilters

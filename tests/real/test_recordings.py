@@ -9,12 +9,12 @@ import pytest
 from pseudolidar.pipelines.convert import Convert, run
 
 from pseudolidar.errors import SourceEmpty
-from pseudolidar.formats.mcap_reader import open_mcap
-from pseudolidar.formats.pcd import read_pcd
-from pseudolidar.formats.velodyne_bin import read_velodyne_bin
-from pseudolidar.running.outputs import Outputs
+from pseudolidar.formats.mcap.reader import open_mcap
+from pseudolidar.formats.points.pcd import read_pcd
+from pseudolidar.formats.points.velodyne_bin import read_velodyne_bin
+from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.sources.recognise import recognise
-from pseudolidar.sources.recording import Recording
+from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.sources.selection import FrameSelection
 from pseudolidar.sources.source import pairs_of
 from tests.recordings import ros2_messages, write_ros2_bag

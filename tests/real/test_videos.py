@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from pipelines.convert import Convert, run
-from pseudolidar.formats.npz import read_npz
-from pseudolidar.formats.rig_json import write_rig
+from pseudolidar.formats.points.npz import read_npz
+from pseudolidar.formats.rigs.rig_json import write_rig
 from pseudolidar.formats.timestamps import write_timestamps
-from pseudolidar.running.outputs import Outputs
-from pseudolidar.sources.kitti_raw import KittiRaw
+from pseudolidar.running.products.outputs import Outputs
+from pseudolidar.sources.kitti.raw import KittiRaw
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.selection import FrameSelection
 from pseudolidar.structures.cloud import PointCloud

@@ -8,8 +8,8 @@ from pseudolidar.errors import (
     StereoConfig,
     TooManyBadFrames,
 )
-from pseudolidar.running.attempt import Done, Skipped
 from pseudolidar.running.bad_frames import good_frames
+from pseudolidar.running.crew.attempt import Done, Skipped
 
 
 def outcomes(pattern, error=ImageMissing):

@@ -4,8 +4,8 @@ import cv2
 import pytest
 
 from pseudolidar.errors import FrameError, ImageMissing, PairMismatch, UsageError
-from pseudolidar.running.attempt import Done, Skipped
-from pseudolidar.running.crew_plan import CrewPlan
+from pseudolidar.running.crew.attempt import Done, Skipped
+from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.stream import IN_FLIGHT_PER_WORKER, stream
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from pseudolidar.formats.pfm import write_pfm
+from pseudolidar.formats.pictures.pfm import write_pfm
 from pseudolidar.structures.disparity import DisparityMap
 
 MOTORCYCLE_CALIB = (

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from pseudolidar.errors import PointFileMissing, PointFileTruncated, SequenceTime, SourceEmpty
-from pseudolidar.formats.npz import write_npz
-from pseudolidar.formats.pcd import write_pcd
-from pseudolidar.formats.ply import write_ply
-from pseudolidar.formats.velodyne_bin import write_velodyne_bin
+from pseudolidar.formats.points.npz import write_npz
+from pseudolidar.formats.points.pcd import write_pcd
+from pseudolidar.formats.points.ply import write_ply
+from pseudolidar.formats.points.velodyne_bin import write_velodyne_bin
 from pseudolidar.sources.cloud_files import CloudFiles
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.structures.cloud import PointCloud

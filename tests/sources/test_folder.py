@@ -24,9 +24,9 @@ from pseudolidar.errors import (
     SourceUnknown,
     UsageError,
 )
-from pseudolidar.formats.image import decode_image, encode_jpeg, encode_png
 from pseudolidar.formats.limits import Limits
-from pseudolidar.formats.rig_json import read_rig, write_rig
+from pseudolidar.formats.pictures.image import decode_image, encode_jpeg, encode_png
+from pseudolidar.formats.rigs.rig_json import read_rig, write_rig
 from pseudolidar.sources.folder import Folders, FolderSource
 from pseudolidar.sources.names import LONGEST_ID_BYTES, natural_key, safe_id
 

@@ -10,7 +10,7 @@ import pytest
 
 from pipelines.evaluate import Evaluate, recognise_judged, run
 from pseudolidar.errors import CalibrationField, CalibrationValue, ImageMissing
-from pseudolidar.formats.pfm import write_pfm
+from pseudolidar.formats.pictures.pfm import write_pfm
 from pseudolidar.geometry.depth import depth_map
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.middlebury import Middlebury

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from pseudolidar.errors import SourceUnknown, UsageError
-from pseudolidar.formats.image import encode_png
+from pseudolidar.formats.pictures.image import encode_png
 from pseudolidar.sources.folder import Folders
-from pseudolidar.sources.kitti_object import KittiObject
-from pseudolidar.sources.kitti_odometry import KittiOdometry
-from pseudolidar.sources.kitti_raw import KittiRaw
-from pseudolidar.sources.kitti_stereo import KittiStereo
+from pseudolidar.sources.kitti.object import KittiObject
+from pseudolidar.sources.kitti.odometry import KittiOdometry
+from pseudolidar.sources.kitti.raw import KittiRaw
+from pseudolidar.sources.kitti.stereo import KittiStereo
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.synthetic import Synthetic
 

@@ -17,8 +17,8 @@ from pseudolidar.errors import (
     NotRectified,
     UsageError,
 )
-from pseudolidar.formats.image import encode_png
-from pseudolidar.formats.rig_json import parse_rig
+from pseudolidar.formats.pictures.image import encode_png
+from pseudolidar.formats.rigs.rig_json import parse_rig
 from pseudolidar.geometry.frames import left_in_base_link
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.other_rig import calibration_date, with_rig

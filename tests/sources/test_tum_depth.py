@@ -22,13 +22,13 @@ from pseudolidar.errors import (
     SequenceTime,
     StructureError,
 )
-from pseudolidar.formats.depth_png import read_depth_png
-from pseudolidar.formats.pcd import read_pcd
+from pseudolidar.formats.pictures.depth_png import read_depth_png
+from pseudolidar.formats.points.pcd import read_pcd
+from pseudolidar.formats.points.velodyne_bin import read_velodyne_bin
 from pseudolidar.formats.tum import read_tum_trajectory, write_tum_trajectory
-from pseudolidar.formats.velodyne_bin import read_velodyne_bin
 from pseudolidar.geometry.depth import depth_map
 from pseudolidar.geometry.frames import camera_tree, left_in_base_link
-from pseudolidar.running.outputs import Outputs
+from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.source import pairs_of
@@ -157,7 +157,7 @@ def plain(folder: Path, kind: str, frames: list[StereoFrame]) -> tuple[Path, flo
         write_picture(folder / colour.format(index), frame)
         place = folder / depth.format(index)
         if place.suffix == ".pfm":
-            from pseudolidar.formats.pfm import write_pfm
+            from pseudolidar.formats.pictures.pfm import write_pfm
 
             write_pfm(place, DisparityMap(depth_of(frame)))
         else:

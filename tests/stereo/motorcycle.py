@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pseudolidar import Camera, Pose, StereoFrame, StereoRig
-from pseudolidar.formats.image import read_image
+from pseudolidar.formats.pictures.image import read_image
 from pseudolidar.structures.disparity import DisparityMap
 
 # Of the folder's description.

@@ -14,7 +14,7 @@ from pseudolidar.errors import ImageMissing, PoseMissing, StereoConfig
 from pseudolidar.evaluation.disparity import disparity_errors
 from pseudolidar.evaluation.lidar import scan_samples
 from pseudolidar.geometry.frames import BASE_LINK, MAP, left_in_base_link
-from pseudolidar.sources.kitti_raw import KittiRaw
+from pseudolidar.sources.kitti.raw import KittiRaw
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.reproject import Reproject

@@ -1,0 +1,1 @@
+"""MCAP recordings: written, read, checked, recovered; profiles for Foxglove and ROS 2."""

@@ -1,0 +1,293 @@
+"""Frames as messages: pure functions from nouns to what a recording holds of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence, Set
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pseudolidar.errors import SequenceTime, StructureError
+from pseudolidar.formats.mcap.columns import WIDENED, cloud_columns, scan_columns
+from pseudolidar.formats.mcap.content import DEFAULT_CONTENT, McapContent
+from pseudolidar.formats.mcap.items import (
+    Boxes,
+    CameraModel,
+    Disparity,
+    Item,
+    Kind,
+    Note,
+    Picture,
+    Points,
+    Raster,
+    Transforms,
+)
+from pseudolidar.formats.mcap.profile import Profile
+from pseudolidar.formats.mcap.profiles import profile_of
+from pseudolidar.formats.mcap.records import Parts
+from pseudolidar.formats.pictures.image import encode_jpeg, encode_png
+from pseudolidar.formats.points.columns import dtype_lines
+from pseudolidar.geometry.frames import MAP, ODOM, camera_tree, component, frame_tree
+from pseudolidar.geometry.thinning import thinned
+from pseudolidar.structures.arrays import Image
+from pseudolidar.structures.camera import Camera
+from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.structures.disparity import DepthMap, DisparityMap
+from pseudolidar.structures.frame import LidarScan, StereoFrame
+from pseudolidar.structures.pose import Pose
+from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
+
+MM_PER_M = 1000.0
+# Largest depth of a 16-bit image; a depth that rounds to more is left out, not cut.
+FARTHEST_MM = 65535.0
+
+CLOUD_KINDS = {
+    ("plain", True): Kind.STEREO_POINTS,
+    ("plain", False): Kind.POINTS,
+    ("draco", True): Kind.STEREO_POINTS_DRACO,
+    ("draco", False): Kind.POINTS_DRACO,
+}
+
+
+@dataclass(frozen=True)
+class LogMessage:
+    """One message of a recording.
+
+    Args:
+        profile: whose topics there are.
+        channel: identifier of its topic in the profile.
+        timestamp_ns: time it is filed under: that of its frame.
+        parts: serialised message of the topic's schema, in pieces.
+    """
+
+    profile: Profile
+    channel: int
+    timestamp_ns: int
+    parts: Parts
+
+    @property
+    def nbytes(self) -> int:
+        """Size of the message."""
+        return sum(len(part) for part in self.parts)
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """What a frame has become.
+
+    Args:
+        disparity: of the left image of a pair.
+        depth: of the left image, or of the only one.
+        cloud: in any frame of the tree.
+        notes: lines for the log, besides those of the frame.
+    """
+
+    disparity: DisparityMap | None = None
+    depth: DepthMap | None = None
+    cloud: PointCloud | None = None
+    notes: Sequence[str] = field(default=())
+
+
+def frame_messages(
+    frame: Frame,
+    *,
+    disparity: DisparityMap | None = None,
+    depth: DepthMap | None = None,
+    cloud: PointCloud | None = None,
+    notes: Sequence[str] = (),
+    content: McapContent = DEFAULT_CONTENT,
+) -> tuple[LogMessage, ...]:
+    """Everything a recording holds of a frame; pure, for worker threads.
+
+    Args:
+        frame: a pair, a picture with depth, or a ready-made cloud; its scan, labels and pose are
+            written where it has them, a scan only where it is calibrated to the rest.
+        disparity: of the left image of a pair.
+        depth: of the left image, or of the only one.
+        cloud: stereo cloud, in any frame of the rig; or the cloud of the frame.
+        notes: lines for the log, besides those of the frame.
+        content: what to write, and how.
+
+    Raises:
+        SequenceTime: the frame's time stamp is not positive.
+        StructureError: a column of the cloud is not one number a point, or the cloud is in a frame
+            that the rig does not have.
+        MissingDependency: clouds are to be packed by Draco, and it is not installed.
+    """
+    if frame.timestamp_ns <= 0:  # which viewers take for "no time"
+        raise SequenceTime(f"time stamp {frame.timestamp_ns} ns", want="a positive number")
+    results = Results(disparity, depth, cloud, notes)
+    match frame:
+        case StereoFrame():
+            items = _pair_items(frame, results, content)
+        case DepthFrame():
+            items = _depth_items(frame, results, content)
+        case RecordedCloud():
+            items = _cloud_items(frame, results, content)
+    profile, time_ns = profile_of(content), frame.timestamp_ns
+    encoded = (
+        (channel, topic.encode(item.content, time_ns))
+        for item in items
+        for channel, topic in profile.topics_of(item.kind)
+    )
+    return tuple(
+        LogMessage(profile, channel, time_ns, parts) for channel, parts in encoded if parts
+    )
+
+
+def _pair_items(frame: StereoFrame, results: Results, content: McapContent) -> Iterator[Item]:
+    rig, scan = frame.rig, frame.scan
+    tree = frame_tree(rig, frame.pose)
+    known = _names(tree)
+    left, right = rig.left.frame, rig.T_right_left.dst
+    yield _mark(frame, results.cloud, pose=frame.pose)
+    yield from _notes(frame, results.notes)
+    yield _body_transforms(tree)
+    yield from _pose(frame.pose)
+    yield Item(Kind.LEFT_CAMERA, CameraModel(rig.left, rig.P_left, left, left))
+    yield Item(Kind.RIGHT_CAMERA, CameraModel(rig.right, rig.P_right, right, left))
+    if content.images != "none":
+        yield Item(Kind.LEFT_IMAGE, _picture(frame.left, left, left, content))
+        yield Item(Kind.RIGHT_IMAGE, _picture(frame.right, right, left, content))
+    yield from _scan(frame.id, scan, known, content)
+    if content.labels and frame.labels is not None:
+        placed = (
+            label for label in frame.labels if label.box is None or label.box.pose.dst in known
+        )
+        yield Item(Kind.LABELS, Boxes(tuple(placed), left))
+    if content.disparity and results.disparity is not None:
+        yield Item(Kind.DISPARITY, Disparity(results.disparity, rig))
+    yield from _depth(results.depth, left, content, Kind.DEPTH, Kind.DEPTH_PNG)
+    if results.cloud is not None and results.cloud.frame not in known:
+        raise StructureError(
+            f"a cloud in frame {results.cloud.frame!r}", want=f"one of {', '.join(sorted(known))}"
+        )
+    yield from _cloud(frame, results.cloud, content, stereo=True)
+
+
+def _depth_items(frame: DepthFrame, results: Results, content: McapContent) -> Iterator[Item]:
+    camera: Camera = frame.camera
+    name = camera.frame
+    yield _mark(frame, results.cloud, pose=frame.pose)
+    yield from _notes(frame, results.notes)
+    yield _body_transforms(camera_tree(camera, frame.pose))
+    yield from _pose(frame.pose)
+    P = np.hstack([camera.K, np.zeros((3, 1))])
+    yield Item(Kind.CAMERA, CameraModel(camera, P, name, name))
+    if content.images != "none":
+        yield Item(Kind.IMAGE, _picture(frame.image, name, name, content))
+    depth = frame.depth if results.depth is None else results.depth
+    yield from _depth(depth, name, content, Kind.CAMERA_DEPTH, Kind.CAMERA_DEPTH_PNG)
+    yield from _cloud(frame, results.cloud, content, stereo=False)
+
+
+def _cloud_items(frame: RecordedCloud, results: Results, content: McapContent) -> Iterator[Item]:
+    cloud = frame.cloud if results.cloud is None else results.cloud
+    tree = component(frame.tree, cloud.frame)
+    yield Item(Kind.MARK, Note(_mark_text(frame), frame.id, _dtypes(cloud)))
+    yield from _notes(frame, results.notes)
+    if tree:
+        yield Item(Kind.TRANSFORMS, Transforms(tree))
+    if len(tree) < len(frame.tree):
+        text = f"transforms left out that are not tied to {cloud.frame}, the frame of the points"
+        yield Item(Kind.NOTE, Note(text, frame.id))
+    yield from _scan(frame.id, frame.scan, _names(tree) | {cloud.frame}, content)
+    # Only what came from two eyes says how sure it is of each point.
+    yield from _cloud(frame, cloud, content, stereo=cloud.sigma_m is not None)
+
+
+def _names(tree: Iterable[Pose]) -> Set[str]:
+    return {name for pose in tree for name in (pose.dst, pose.src)}
+
+
+def _mark_text(frame: Frame) -> str:
+    return f"frame {frame.id}, index {frame.index}"
+
+
+def _mark(frame: StereoFrame | DepthFrame, cloud: PointCloud | None, *, pose: Pose | None) -> Item:
+    text = _mark_text(frame)
+    unknown = "" if pose else ", no pose: map, odom and base_link coincide"
+    return Item(Kind.MARK, Note(text + unknown, frame.id, _dtypes(cloud)))
+
+
+def _dtypes(cloud: PointCloud | None) -> str:
+    """Lines about columns whose dtype messages lack, so that they can be read as they were."""
+    columns = {} if cloud is None else cloud.extra
+    return "\n".join(
+        dtype_lines({n: c.dtype.name for n, c in columns.items() if c.dtype.name in WIDENED})
+    )
+
+
+def _notes(frame: Frame, notes: Sequence[str]) -> Iterator[Item]:
+    for note in (*frame.notes, *notes):
+        yield Item(Kind.NOTE, Note(note, frame.id))
+
+
+def _body_transforms(tree: tuple[Pose, ...]) -> Item:
+    """Of a body with sensors: only what hangs on the world moves."""
+    moving = tuple(pose for pose in tree if pose.dst in (MAP, ODOM))
+    fixed = tuple(pose for pose in tree if pose.dst not in (MAP, ODOM))
+    return Item(Kind.TRANSFORMS, Transforms(moving, fixed))
+
+
+def _pose(pose: Pose | None) -> Iterator[Item]:
+    if pose is not None:
+        yield Item(Kind.POSE, pose)
+
+
+def _scan(
+    frame_id: str, scan: LidarScan | None, known: Set[str], content: McapContent
+) -> Iterator[Item]:
+    """A scan, which viewers cannot place in a frame outside the tree."""
+    if not content.scan or scan is None:
+        return
+    if scan.frame in known:
+        yield Item(Kind.SCAN, Points(scan_columns(scan), scan.frame, scan.timestamp_ns))
+    else:
+        text = f"scan left out: {scan.frame} is not calibrated to the cameras"
+        yield Item(Kind.NOTE, Note(text, frame_id))
+
+
+def _depth(
+    depth: DepthMap | None, frame: str, content: McapContent, raw: Kind, png: Kind
+) -> Iterator[Item]:
+    if depth is None:
+        return
+    if content.depth == "raw":
+        yield Item(raw, Raster(depth_mm(depth), "16UC1", frame))
+    elif content.depth == "png":
+        data = encode_png(depth_mm(depth).astype(np.uint16))
+        yield Item(png, Picture(data, "png", "16UC1", frame, frame))
+
+
+def _cloud(
+    frame: Frame, cloud: PointCloud | None, content: McapContent, *, stereo: bool
+) -> Iterator[Item]:
+    if not content.cloud or cloud is None:
+        return
+    if content.max_points and len(cloud) > content.max_points:
+        whole = cloud if cloud.shape is None else cloud[cloud.valid]
+        cloud = thinned(whole, content.max_points)
+        if len(cloud) < len(whole):
+            text = (
+                f"points of this message: {len(cloud)} of {len(whole)}, fewer where they are dense"
+            )
+            yield Item(Kind.NOTE, Note(text, frame.id))
+    columns = cloud_columns(cloud, pixels=content.pixels)
+    kind = CLOUD_KINDS[content.cloud_format, stereo]
+    yield Item(kind, Points(columns, cloud.frame, cloud.timestamp_ns))
+
+
+def _picture(image: Image, frame: str, left: str, content: McapContent) -> Picture:
+    """An image as JPEG or PNG; 16-bit images keep their values in a PNG."""
+    pixels = ("rgb" if image.ndim == 3 else "mono") + str(8 * image.itemsize)
+    if content.images == "jpeg" and image.dtype == np.uint8:
+        return Picture(encode_jpeg(image, content.jpeg_quality), "jpeg", pixels, frame, left)
+    return Picture(encode_png(image), "png", pixels, frame, left)
+
+
+def depth_mm(depth: DepthMap) -> Image:
+    """(H, W) uint16 mm, 0 where there is none or it is beyond 65.535 m."""
+    mm = np.rint(depth.values * np.float32(MM_PER_M))
+    inside = (mm > 0) & (mm <= FARTHEST_MM)  # False for NaN
+    return np.where(inside, mm, 0).astype("<u2")

@@ -1,0 +1,1 @@
+"""Pictures, and maps of disparities and depths that are stored as pictures."""

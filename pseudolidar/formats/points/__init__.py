@@ -1,0 +1,1 @@
+"""Clouds as files: PCD, PLY, NPZ, KITTI's .bin; one mapping of their columns."""

@@ -1,0 +1,1 @@
+"""Recordings of any kind as stores of messages, and what their messages say."""

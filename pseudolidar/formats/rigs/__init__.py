@@ -1,0 +1,1 @@
+"""Calibrations: the rig file of this package, and those of other programs."""

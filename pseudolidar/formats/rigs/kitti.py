@@ -1,0 +1,277 @@
+"""KITTI's calibration files: object, tracking, odometry, stereo, raw; read_x beside write_x."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from pseudolidar.errors import (
+    CalibrationField,
+    CalibrationMissing,
+    CalibrationSyntax,
+    CalibrationValue,
+)
+from pseudolidar.formats.atomic import write_atomic
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.rigs.key_values import KeyValues, key_values_text, read_key_values
+from pseudolidar.formats.rigs.kitti_calibration import FRAME_CAM0, WHICH_LAYOUT, KittiCalibration
+from pseudolidar.formats.text import read_lines
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.pose import ROTATION_TOLERANCE, Pose, rotation_error
+
+# KITTI writes 7 digits, so that a product of two of its rotations is off by some 1e-6.
+ROTATION_NOTED = 1e-5
+CAM_TO_CAM, VELO_TO_CAM, IMU_TO_VELO = (
+    "calib_cam_to_cam.txt",
+    "calib_velo_to_cam.txt",
+    "calib_imu_to_velo.txt",
+)
+# The Velodyne and IMU transforms go by other names in the tracking and odometry data.
+VELODYNE_KEYS = ("Tr_velo_to_cam", "Tr_velo_cam", "Tr")
+IMU_KEYS = ("Tr_imu_to_velo", "Tr_imu_velo")
+RECTIFICATION_KEYS = ("R0_rect", "R_rect")
+SEQUENCE_COUNTS = {r"P[0-3]": 12, r"R0?_rect": 9, r"Tr\w*": 12}
+RAW_COUNTS = {
+    "corner_dist": 1,
+    r"S_(rect_)?0[0-3]": 2,
+    r"K_0[0-3]": 9,
+    r"D_0[0-3]": 5,
+    r"R_(rect_)?0[0-3]": 9,
+    r"T_0[0-3]": 3,
+    r"P_rect_0[0-3]": 12,
+}
+RIGID_COUNTS = {"R": 9, "T": 3, r"delta_[fc]": 2}
+
+
+# --- object, tracking, stereo 2012, odometry: one file, rows P0..P3 and transforms --------------
+
+
+def read_object_calib(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> KittiCalibration:
+    """Read `calib/NNNNNN.txt` of the object data: P0..P3, R0_rect, Tr_velo_to_cam, Tr_imu_to_velo.
+
+    Raises:
+        CalibrationMissing, CalibrationField, CalibrationSyntax, CalibrationValue: as they say;
+            the IMU alone may be missing.
+    """
+    fields = _sequence_fields(path, limits)
+    fields.require(_present(fields, RECTIFICATION_KEYS))
+    fields.require(_present(fields, VELODYNE_KEYS))
+    return _of_sequence(fields)
+
+
+def read_odometry_calib(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> KittiCalibration:
+    """Read `calib.txt` of the odometry data or `calib/NNNNNN.txt` of stereo 2012: P0..P3, and Tr.
+
+    Tr comes in a separate download and may be missing. Rows without keys are taken in this order.
+
+    Raises:
+        CalibrationMissing, CalibrationField, CalibrationSyntax, CalibrationValue: as they say.
+    """
+    unlabelled = _unlabelled(path, limits)
+    if unlabelled is not None:
+        return unlabelled
+    return _of_sequence(_sequence_fields(path, limits))
+
+
+def _sequence_fields(path: Path, limits: Limits) -> KeyValues:
+    return read_key_values(path, SEQUENCE_COUNTS, hint=WHICH_LAYOUT, limits=limits)
+
+
+def _present(fields: KeyValues, names: tuple[str, ...]) -> str:
+    return next((name for name in names if name in fields), names[0])
+
+
+def _of_sequence(fields: KeyValues) -> KittiCalibration:
+    projections = {n: fields.values[f"P{n}"].reshape(3, 4) for n in range(4) if f"P{n}" in fields}
+    if not projections:
+        fields.require("P0")
+    key, notes = _present(fields, VELODYNE_KEYS), list[str]()
+    velodyne = imu = None
+    if key in fields:
+        velodyne = _rigid(fields, key, FRAME_CAM0, "velodyne", notes)
+        rectification = _present(fields, RECTIFICATION_KEYS)
+        if rectification in fields:
+            velodyne = _rectification(fields, rectification, notes) @ velodyne
+    key = _present(fields, IMU_KEYS)
+    if key in fields:
+        imu = _rigid(fields, key, "velodyne", "imu", notes)
+    return KittiCalibration(fields.path, projections, velodyne, imu, notes=tuple(notes))
+
+
+def _unlabelled(path: Path, limits: Limits) -> KittiCalibration | None:
+    every = read_lines(path, error=CalibrationSyntax, missing=CalibrationMissing, limits=limits)
+    lines = [line for line in every if line.text]
+    if not lines or lines[0].text.lstrip(" \t")[0] not in "+-.0123456789":
+        return None
+    names = ("P0", "P1", "P2", "P3", "Tr")
+    if len(lines) not in (2, 4, 5):
+        raise lines[0].refusal(
+            f"{len(lines)} rows without keys", want="P0 and P1, P0 to P3, or those and Tr"
+        )
+    rows = [np.array(line.numbers(line.words(), count=12)) for line in lines]
+    fields = KeyValues(
+        path,
+        dict(zip(names, rows, strict=False)),
+        dict(zip(names, (line.number for line in lines), strict=False)),
+        WHICH_LAYOUT,
+    )
+    calibration = _of_sequence(fields)
+    note = f"{path.name}: rows without keys taken as {', '.join(names[: len(lines)])}"
+    return KittiCalibration(
+        path,
+        calibration.projections,
+        calibration.T_cam0_velodyne,
+        notes=(note, *calibration.notes),
+    )
+
+
+def write_object_calib(path: Path, rig: StereoRig) -> None:
+    """Write a rig as `calib/NNNNNN.txt` of the object data: `encode_object_calib`.
+
+    Raises:
+        CalibrationField: the rig has no Velodyne, which this layout must have.
+    """
+    try:
+        write_atomic(path, encode_object_calib(rig))
+    except CalibrationField as error:
+        raise error.located(path) from None
+
+
+def encode_object_calib(rig: StereoRig) -> bytes:
+    """The bytes of `calib/NNNNNN.txt` of the object data, with all digits.
+
+    Cameras 0 and 2 are the left one, 1 and 3 the right one, so that reading any pair gives `rig`.
+    The order of the rows is KITTI's: other readers count them.
+
+    Raises:
+        CalibrationField: the rig has no Velodyne, which this layout must have.
+    """
+    if rig.T_left_velodyne is None:
+        raise CalibrationField("a rig without a Velodyne", want="T_left_velodyne")
+    fields = _projection_fields(rig, "P{}") | {
+        "R0_rect": np.eye(3),
+        "Tr_velo_to_cam": rig.T_left_velodyne.matrix[:3],
+    }
+    if rig.T_velodyne_imu is not None:
+        fields["Tr_imu_to_velo"] = rig.T_velodyne_imu.matrix[:3]
+    return key_values_text(fields).encode()
+
+
+def write_odometry_calib(path: Path, rig: StereoRig) -> None:
+    """Write a rig as `calib.txt` of the odometry data, with all digits; Tr where it is known."""
+    fields = _projection_fields(rig, "P{}")
+    if rig.T_left_velodyne is not None:
+        fields["Tr"] = rig.T_left_velodyne.matrix[:3]
+    write_atomic(path, key_values_text(fields).encode())
+
+
+def _projection_fields(rig: StereoRig, name: str) -> dict[str, Float64 | str]:
+    return {name.format(n): rig.P_right if n % 2 else rig.P_left for n in range(4)}
+
+
+# --- raw, stereo 2015: three files ---------------------------------------------------------------
+
+
+def read_raw_calib(
+    cam_to_cam: Path,
+    velo_to_cam: Path | None = None,
+    imu_to_velo: Path | None = None,
+    *,
+    limits: Limits = DEFAULT_LIMITS,
+) -> KittiCalibration:
+    """Read the calibration of the raw data or of stereo 2015.
+
+    R_rect_00 rectifies for all cameras; Velodyne and IMU are left out where their file is None.
+
+    Raises:
+        CalibrationMissing, CalibrationField, CalibrationSyntax, CalibrationValue: as they say.
+    """
+    cameras = read_key_values(cam_to_cam, RAW_COUNTS, hint=WHICH_LAYOUT, limits=limits)
+    numbers = [n for n in range(4) if f"P_rect_0{n}" in cameras]
+    if not numbers:
+        cameras.require("P_rect_00")
+    notes: list[str] = []
+    velodyne = imu = None
+    if velo_to_cam is not None:
+        raw = _rigid_file(velo_to_cam, FRAME_CAM0, "velodyne", notes, limits)
+        velodyne = _rectification(cameras, "R_rect_00", notes) @ raw
+    if imu_to_velo is not None:
+        imu = _rigid_file(imu_to_velo, "velodyne", "imu", notes, limits)
+    return KittiCalibration(
+        cam_to_cam,
+        {n: cameras.values[f"P_rect_0{n}"].reshape(3, 4) for n in numbers},
+        velodyne,
+        imu,
+        sizes_px=_sizes_px(cameras, "S_rect_0"),
+        raw_sizes_px=_sizes_px(cameras, "S_0"),
+        notes=tuple(notes),
+        made=cameras.texts.get("calib_time", ""),
+        key="P_rect_0",
+    )
+
+
+def _sizes_px(fields: KeyValues, prefix: str) -> dict[int, tuple[int, int]]:
+    sizes = {n: fields.values[f"{prefix}{n}"] for n in range(4) if f"{prefix}{n}" in fields}
+    return {n: (round(float(size[0])), round(float(size[1]))) for n, size in sizes.items()}
+
+
+def write_raw_calib(folder: Path, rig: StereoRig, *, calib_time: str = "") -> None:
+    """Write a rig as the calibration files of the raw data into `folder`, with all digits.
+
+    Args:
+        folder: where `calib_cam_to_cam.txt` and, where calibrated, the Velodyne's and the IMU's go.
+        rig: cameras 0 and 2 become the left one, 1 and 3 the right one.
+        calib_time: date for the files' first line, such as `09-Jan-2012 13:57:47`.
+    """
+    head: dict[str, Float64 | str] = {"calib_time": calib_time} if calib_time else {}
+    fields = dict(head)
+    for n in range(4):
+        camera = rig.right if n % 2 else rig.left
+        t_m = rig.T_right_left.translation_m if n % 2 else np.zeros(3)
+        size = np.array(camera.size_px, dtype=np.float64)
+        fields |= {f"S_0{n}": size, f"K_0{n}": camera.K, f"D_0{n}": np.zeros(5)}
+        fields |= {f"R_0{n}": np.eye(3), f"T_0{n}": t_m}
+        fields |= {f"S_rect_0{n}": size, f"R_rect_0{n}": np.eye(3)}
+        fields[f"P_rect_0{n}"] = rig.P_right if n % 2 else rig.P_left
+    write_atomic(folder / CAM_TO_CAM, key_values_text(fields).encode())
+    for name, pose in ((VELO_TO_CAM, rig.T_left_velodyne), (IMU_TO_VELO, rig.T_velodyne_imu)):
+        if pose is not None:
+            rigid = head | {"R": pose.matrix[:3, :3], "T": pose.translation_m}
+            write_atomic(folder / name, key_values_text(rigid).encode())
+
+
+# --- transforms ----------------------------------------------------------------------------------
+
+
+def _rigid_file(path: Path, dst: str, src: str, notes: list[str], limits: Limits) -> Pose:
+    fields = read_key_values(path, RIGID_COUNTS, hint=WHICH_LAYOUT, limits=limits)
+    R, t_m = fields.require("R").reshape(3, 3), fields.require("T")
+    _check_rotation(fields, "R", R, notes)
+    return Pose.from_rotation(dst, src, R, t_m)
+
+
+def _rigid(fields: KeyValues, key: str, dst: str, src: str, notes: list[str]) -> Pose:
+    matrix = fields.require(key).reshape(3, 4)
+    _check_rotation(fields, key, matrix[:, :3], notes)
+    return Pose.from_rotation(dst, src, matrix[:, :3], matrix[:, 3])
+
+
+def _rectification(fields: KeyValues, key: str, notes: list[str]) -> Pose:
+    R = fields.require(key).reshape(3, 3)
+    _check_rotation(fields, key, R, notes)
+    return Pose.from_rotation(FRAME_CAM0, FRAME_CAM0, R, np.zeros(3))
+
+
+def _check_rotation(fields: KeyValues, key: str, R: Float64, notes: list[str]) -> None:
+    error = rotation_error(R)
+    if not error <= ROTATION_TOLERANCE:
+        raise CalibrationValue(
+            f"{key} is no rotation: off by {error:.2g}, determinant {np.linalg.det(R):.4g}",
+            want=f"orthonormal to {ROTATION_TOLERANCE:g}, determinant 1",
+            path=fields.path,
+            where=f"line {fields.lines[key]}",
+        )
+    if error > ROTATION_NOTED:
+        notes.append(f"{fields.path.name}: {key} is a rotation only to {error:.1g}")

@@ -1,0 +1,208 @@
+"""Calibration files of any program: one dispatcher that goes by what is in them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from pseudolidar.errors import (
+    CalibrationField,
+    CalibrationMissing,
+    CalibrationSyntax,
+)
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.rigs.k_txt import read_k_txt
+from pseudolidar.formats.rigs.key_values import KEY
+from pseudolidar.formats.rigs.kitti import (
+    CAM_TO_CAM,
+    IMU_TO_VELO,
+    VELO_TO_CAM,
+    read_odometry_calib,
+    read_raw_calib,
+)
+from pseudolidar.formats.rigs.kitti_calibration import CAMERAS, KittiCalibration
+from pseudolidar.formats.rigs.middlebury import is_middlebury_calib, read_middlebury_calib
+from pseudolidar.formats.rigs.opencv_rig import SUFFIXES, eye_of, read_opencv_rig
+from pseudolidar.formats.rigs.rig_json import missing_rig, read_rig, rig_warnings
+from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit
+from pseudolidar.formats.text import read_lines
+
+# Files that a folder of pictures can have its rig in, the surest first.
+RIG_FILES = ("rig.json", "calib.txt", "K.txt", "k.txt", "intrinsic.txt")
+# Words in the names of YAML, XML and JSON files that hold a camera or a pair.
+_PAIR_WORDS = ("stereo", "calib", "intrinsic", "extrinsic", "camera_info", "cameraparam", "rig")
+READ = (
+    "rig.json, OpenCV YAML, XML or JSON, ROS camera_info, K.txt, Middlebury's or KITTI's calib.txt"
+)
+
+
+def find_rig(folder: Path) -> Path | None:
+    """The file with the rig of the pictures in `folder`; the folder itself where it takes several.
+
+    Only names are looked at.
+    """
+    for name in RIG_FILES:
+        if (folder / name).exists():
+            return folder / name
+    files = _storage_files(folder)
+    if not files:
+        return None
+    return next(iter(files.values())) if len(files) == 1 else folder
+
+
+def read_any_rig(
+    path: str | Path,
+    *,
+    size_px: tuple[int, int] | None = None,
+    unit: RigUnit | None = None,
+    limits: Limits = DEFAULT_LIMITS,
+) -> RigReading:
+    """Read the calibration of a pair, whatever program wrote it.
+
+    Args:
+        path: a file; a folder with intrinsics and extrinsics or with a file for each eye; two
+            files with a comma between them, the left camera's first.
+        size_px: (width, height) of the pictures, for files that do not say it.
+        unit: of lengths in files that do not say it.
+        limits: cap on the files.
+
+    Raises:
+        CalibrationMissing: no such file, or none of a known kind in the folder.
+        CalibrationField, CalibrationSyntax, CalibrationValue, CalibrationUnits, LimitError: as
+            the format's reader says.
+    """
+    path = Path(path)
+    if not path.exists() and "," in str(path):
+        return _two_files(path, size_px, unit, limits)
+    if path.is_dir():
+        return _folder(path, size_px, unit, limits)
+    if not path.exists():
+        raise missing_rig(path)
+    lines = read_lines(path, error=CalibrationSyntax, limits=limits)
+    words = [line.text for line in lines if line.text.strip(" \t")]
+    first = words[0].lstrip(" \t") if words else ""
+    if path.suffix.lower() == ".json" and _is_own(words):
+        rig = read_rig(path, limits=limits)
+        rectified = rig if rig.is_rectified else None
+        return RigReading(path, "rig.json", rectified, rig, rig_warnings(rig))
+    if first.startswith(("<", "{", "%YAML", "---")) or path.suffix.lower() in SUFFIXES:
+        return _storage_file(path, size_px, unit, limits)
+    if is_middlebury_calib("\n".join(words)):
+        return read_middlebury_calib(path, unit=unit or "mm", limits=limits)
+    if KEY.match(first) and not first[:1].isdigit():
+        return _kitti(path, size_px, limits)
+    if sum(len(line.words()) for line in lines) > 10:
+        return _kitti(path, size_px, limits)
+    return read_k_txt(path, size_px=_known(size_px, path), unit=unit, limits=limits)
+
+
+def _is_own(lines: list[str]) -> bool:
+    """Whether a JSON file is a rig.json, which has a schema, or OpenCV's."""
+    return not any('"opencv-matrix"' in line for line in lines)
+
+
+def _known(size_px: tuple[int, int] | None, path: Path) -> tuple[int, int]:
+    if size_px is None:
+        raise CalibrationField(
+            "no image size", want="pictures beside the file, which have one", path=path
+        )
+    return size_px
+
+
+def _storage_file(
+    path: Path, size_px: tuple[int, int] | None, unit: RigUnit | None, limits: Limits
+) -> RigReading:
+    """One file; where it holds one camera or half of the matrices, with its partner beside it."""
+    try:
+        return read_opencv_rig({"": path}, path=path, size_px=size_px, unit=unit, limits=limits)
+    except CalibrationField as error:
+        partner = _partner(path)
+        if partner is None:
+            raise error from None
+        return read_opencv_rig(partner, path=path, size_px=size_px, unit=unit, limits=limits)
+
+
+def _partner(path: Path) -> Mapping[str, Path] | None:
+    """The files that make a pair with this one: left with right, intrinsics with extrinsics."""
+    for mine, other in (("left", "right"), ("right", "left")):
+        partner = path.with_name(path.name.replace(mine, other))
+        if partner != path and partner.is_file():
+            return {mine: path, other: partner}
+    for mine, other in (("intrinsic", "extrinsic"), ("extrinsic", "intrinsic")):
+        partner = path.with_name(path.name.replace(mine, other))
+        if partner != path and partner.is_file():
+            return {"": path, "more": partner}
+    return None
+
+
+def _two_files(
+    paths: Path, size_px: tuple[int, int] | None, unit: RigUnit | None, limits: Limits
+) -> RigReading:
+    files = [Path(part) for part in str(paths).split(",")]
+    missing = next((file for file in files if not file.exists()), None)
+    if missing is not None or len(files) != 2:
+        raise CalibrationMissing(
+            "no such file" if missing else f"{len(files)} files",
+            want="a calibration, or LEFT,RIGHT",
+            path=missing or paths,
+        )
+    eyes = {"left": files[0], "right": files[1]}
+    if all(eye_of(file.name) is None for file in files):
+        try:
+            both = {"": files[0], "more": files[1]}
+            return read_opencv_rig(both, path=paths, size_px=size_px, unit=unit, limits=limits)
+        except CalibrationField:
+            pass  # a camera a file: names without an eye
+    return read_opencv_rig(eyes, path=paths, size_px=size_px, unit=unit, limits=limits)
+
+
+def _folder(
+    folder: Path, size_px: tuple[int, int] | None, unit: RigUnit | None, limits: Limits
+) -> RigReading:
+    if (folder / CAM_TO_CAM).exists():
+        return _kitti(folder / CAM_TO_CAM, size_px, limits)
+    found = find_rig(folder)
+    if found is None:
+        raise CalibrationMissing(f"no calibration in {folder.name}", want=READ, path=folder)
+    if found != folder:
+        return read_any_rig(found, size_px=size_px, unit=unit, limits=limits)
+    files = _storage_files(folder)
+    return read_opencv_rig(files, path=folder, size_px=size_px, unit=unit, limits=limits)
+
+
+def _storage_files(folder: Path) -> dict[str, Path]:
+    """Files of a folder that may hold cameras, by `left`, `right`, or their name."""
+    if not folder.is_dir():
+        return {}
+    found: dict[str, Path] = {}
+    for file in sorted(folder.iterdir()):
+        if file.suffix.lower() not in SUFFIXES or not file.is_file():
+            continue
+        eye = eye_of(file.stem)
+        if eye is not None:
+            found.setdefault(eye, file)
+        elif any(word in file.stem.lower() for word in _PAIR_WORDS):
+            found[file.name] = file
+    return found
+
+
+def _kitti(path: Path, size_px: tuple[int, int] | None, limits: Limits) -> RigReading:
+    """KITTI's cameras: colour where they are there, else grey."""
+    calibration = _kitti_calibration(path, limits)
+    pairs = [CAMERAS[kind] for kind in ("colour", "grey") if calibration.has(CAMERAS[kind])]
+    size = calibration.sizes_px.get(pairs[0][0]) if pairs else None
+    rig = calibration.rig(pairs[0] if pairs else (0, 1), size_px=size or _known(size_px, path))
+    note = f"{path.name}: cameras {pairs[0][0]} and {pairs[0][1]}" if pairs else ""
+    return RigReading(path, "KITTI", rig, rig, (*calibration.notes, note))
+
+
+def _kitti_calibration(path: Path, limits: Limits) -> KittiCalibration:
+    if path.name != CAM_TO_CAM:
+        try:
+            return read_odometry_calib(path, limits=limits)
+        except CalibrationField as error:
+            if "S_rect" not in error.got:
+                raise
+    beside = (path.with_name(name) for name in (VELO_TO_CAM, IMU_TO_VELO))
+    velo, imu = (file if file.exists() else None for file in beside)
+    return read_raw_calib(path, velo, imu, limits=limits)

@@ -1,0 +1,168 @@
+"""Cameras, poses and correction of a rig file.
+
+Errors are those of `rig_fields`, and `CalibrationValue` for what no camera or rig can have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal, cast
+
+import numpy as np
+
+from pseudolidar.errors import (
+    CalibrationField,
+    CalibrationSyntax,
+    CalibrationValue,
+    StructureError,
+)
+from pseudolidar.formats.rigs.rig_fields import (
+    at_node,
+    count,
+    fields_of,
+    lacks,
+    matrix,
+    number,
+    numbers,
+    text,
+)
+from pseudolidar.formats.rigs.strict_json import JsonNode
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.camera import Camera, DisparityCorrection
+from pseudolidar.structures.pose import Pose, rotation_error
+
+LEFT, RIGHT, VELODYNE, IMU = "camera_left", "camera_right", "velodyne", "imu"
+# Numbers of OpenCV's lens models: k1 k2 p1 p2 [k3 [k4 k5 k6 [s1-s4 [tx ty]]]]; fisheye k1-k4.
+COEFFICIENTS = {"pinhole": (0, 4, 5, 8, 12, 14), "fisheye": (0, 4)}
+# No rig carries its cameras further apart; such a number is in millimetres.
+LARGEST_BASELINE_M = 10.0
+
+
+def camera(node: JsonNode, size_px: tuple[int, int], frame: str) -> Camera:
+    """A camera; `size_px` is its size unless it says another."""
+    optional = ("K", "fx", "fy", "cx", "cy", "distortion", "model", "width_px", "height_px")
+    fields = fields_of(node, (), optional)
+    K = _intrinsics(node, fields)
+    model = text(fields["model"]) if "model" in fields else "pinhole"
+    if model not in COEFFICIENTS:
+        raise CalibrationValue(
+            f"lens model {model!r}",
+            want=" or ".join(COEFFICIENTS),
+            path=node.path,
+            where=fields["model"].where,
+        )
+    distortion = numbers(fields["distortion"]) if "distortion" in fields else np.zeros(0)
+    if len(distortion) not in COEFFICIENTS[model]:
+        allowed = " or ".join(str(n) for n in COEFFICIENTS[model])
+        raise CalibrationSyntax(
+            f"{len(distortion)} numbers",
+            want=f"{allowed} of a {model} lens",
+            path=node.path,
+            where=fields["distortion"].where,
+        )
+    width, height = (
+        count(fields[key]) if key in fields else default
+        for key, default in zip(("width_px", "height_px"), size_px, strict=True)
+    )
+    named = cast("Literal['pinhole', 'fisheye']", model)
+    try:
+        return Camera(K, width, height, distortion, named, frame)
+    except CalibrationValue as error:
+        raise at_node(error, fields.get("K", node)) from None
+
+
+def _intrinsics(node: JsonNode, fields: Mapping[str, JsonNode]) -> Float64:
+    by_name = [key for key in ("fx", "fy", "cx", "cy") if key in fields]
+    if "K" in fields and by_name:
+        raise CalibrationField(
+            f"both 'K' and {by_name[0]!r}", want="one of them", path=node.path, where=node.where
+        )
+    if "K" in fields:
+        K = matrix(fields["K"])
+        if K[1, 0] != 0 or not np.array_equal(K[2], (0, 0, 1)):
+            raise CalibrationValue(
+                f"a K with rows {K[1].tolist()} and {K[2].tolist()}",
+                want="[0, fy, cy] and [0, 0, 1]",
+                path=node.path,
+                where=fields["K"].where,
+            )
+        return K
+    for key in ("fx", "cx", "cy"):
+        if key not in fields:
+            raise lacks(node, f"{key!r} (or 'K')")
+    fx, cx, cy = (number(fields[key]) for key in ("fx", "cx", "cy"))
+    fy = number(fields["fy"]) if "fy" in fields else fx
+    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], dtype=np.float64)
+
+
+def T_right_left(root: JsonNode, fields: Mapping[str, JsonNode]) -> Pose:
+    """The pose of the cameras to each other, from `baseline_m` or `T_right_left`."""
+    given = [key for key in ("baseline_m", "T_right_left") if key in fields]
+    if len(given) != 1:
+        raise (
+            lacks(root, "'baseline_m' or 'T_right_left'")
+            if not given
+            else CalibrationField(
+                "both 'baseline_m' and 'T_right_left'",
+                want="one of them",
+                path=root.path,
+                where=fields["baseline_m"].where,
+            )
+        )
+    if "T_right_left" in fields:
+        return _checked_length(_pose(fields["T_right_left"], RIGHT, LEFT), fields["T_right_left"])
+    node = fields["baseline_m"]
+    baseline_m = number(node)
+    if not baseline_m > 0:
+        raise CalibrationValue(
+            f"baseline {baseline_m:g} m",
+            want="a positive distance, from the left camera to the right one",
+            fix="If the images are exchanged, exchange them and keep it positive.",
+            path=node.path,
+            where=node.where,
+        )
+    pose = Pose.from_rotation(RIGHT, LEFT, np.eye(3), np.array([-baseline_m, 0.0, 0.0]))
+    return _checked_length(pose, node)
+
+
+def _checked_length(pose: Pose, node: JsonNode) -> Pose:
+    distance_m = float(np.linalg.norm(pose.translation_m))
+    if distance_m > LARGEST_BASELINE_M:
+        raise CalibrationValue(
+            f"cameras {distance_m:g} m apart",
+            want=f"at most {LARGEST_BASELINE_M:g} m",
+            fix="Is it in millimetres? Write metres.",
+            path=node.path,
+            where=node.where,
+        )
+    return pose
+
+
+def optional_pose(fields: Mapping[str, JsonNode], key: str, dst: str, src: str) -> Pose | None:
+    """`T_dst_src` under `key`, if it is there."""
+    return _pose(fields[key], dst, src) if key in fields else None
+
+
+def _pose(node: JsonNode, dst: str, src: str) -> Pose:
+    fields = fields_of(node, ("R", "t_m"))
+    R, t_m = matrix(fields["R"]), numbers(fields["t_m"], 3)
+    try:
+        return Pose.from_rotation(dst, src, R, t_m)
+    except StructureError:
+        raise CalibrationValue(
+            f"R is no rotation: off by {rotation_error(R):.2g}",
+            want="orthonormal rows and determinant 1, to 1e-3",
+            path=node.path,
+            where=fields["R"].where,
+        ) from None
+
+
+def correction(node: JsonNode) -> DisparityCorrection:
+    """The disparity correction."""
+    fields = fields_of(node, ("coefficients", "residual_px"), ("origin",))
+    origin = text(fields["origin"]) if "origin" in fields else ""
+    coefficients = numbers(fields["coefficients"], 8)
+    try:
+        return DisparityCorrection(coefficients, number(fields["residual_px"]), origin)
+    except CalibrationValue as error:
+        raise at_node(error, fields["residual_px"]) from None

@@ -1,0 +1,122 @@
+"""What calibration files of other programs say about a pair, and the units that they leave open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from pseudolidar.errors import (
+    CalibrationUnits,
+    CalibrationValue,
+    NotRectified,
+    StructureError,
+)
+from pseudolidar.formats.rigs.rig_parts import LARGEST_BASELINE_M, LEFT, RIGHT
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.pose import Pose, rotation_error
+
+RigUnit = Literal["m", "cm", "mm"]
+PER_METRE: dict[RigUnit, float] = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
+
+
+@dataclass(frozen=True, eq=False)
+class RigReading:
+    """Two cameras as files describe them.
+
+    Args:
+        path: the file or folder.
+        form: what it was recognised as.
+        rectified: rig of the rectified pictures, where it is known.
+        raw: rig of the pictures as the cameras take them, where it is known.
+        notes: what was assumed or left aside.
+        min_depth_m: nearest depth that the data set claims to have.
+    """
+
+    path: Path
+    form: str
+    rectified: StereoRig | None = None
+    raw: StereoRig | None = None
+    notes: tuple[str, ...] = ()
+    min_depth_m: float | None = None
+
+    @property
+    def of_rectified(self) -> StereoRig:
+        """The rig that rectified pictures need.
+
+        Raises:
+            NotRectified: only the unrectified cameras are known.
+        """
+        if self.rectified is None:
+            raise NotRectified(
+                f"a rig of unrectified cameras ({self.form})",
+                want="the rig of rectified pictures: P1 and P2, projection_matrix, or equal "
+                "focal lengths and rows without distortion",
+                fix="Rectify the pictures and give the rectified rig.",
+                path=self.path,
+            )
+        return self.rectified
+
+
+def in_metres(t: Float64, unit: RigUnit | None, *, path: Path, where: str) -> Float64:
+    """A translation in metres; in which unit the file has it is asked for, never guessed.
+
+    Raises:
+        CalibrationUnits: cameras further apart than any rig has them, and no unit given.
+    """
+    distance = float(np.linalg.norm(t))
+    if unit is None and distance > LARGEST_BASELINE_M:
+        raise CalibrationUnits(
+            f"cameras {distance:g} apart, in a unit that the file does not say",
+            want=f"at most {LARGEST_BASELINE_M:g} m",
+            fix=f"Is it {distance:g} mm, {distance / 1000:.4g} m? Then pass --rig-unit mm "
+            f"(or cm, m).",
+            path=path,
+            where=where,
+        )
+    return t / PER_METRE[unit or "m"]
+
+
+def checked_order(T_right_left: Pose, *, path: Path, where: str) -> Pose:
+    """The pose, if the right camera stands right of the left one.
+
+    Raises:
+        CalibrationValue: the eyes are exchanged, or one camera is above the other.
+    """
+    x, y, _ = T_right_left.inverse().translation_m
+    if abs(y) > abs(x):
+        raise CalibrationValue(
+            f"the second camera is {abs(y):g} {'below' if y > 0 else 'above'} the first",
+            want="cameras side by side",
+            path=path,
+            where=where,
+        )
+    if x < 0:
+        raise CalibrationValue(
+            f"baseline {x:g}: the camera called left (first) stands right of the other",
+            want="a positive baseline: the second camera right of the first",
+            fix="The eyes are exchanged: name the cameras, and the pictures, the other way round.",
+            path=path,
+            where=where,
+        )
+    return T_right_left
+
+
+def pose_right_left(R: Float64, t: Float64, *, path: Path, where: str) -> Pose:
+    """`T_right_left`, if R is a rotation.
+
+    Raises:
+        CalibrationValue: it is none, to 1e-3.
+    """
+    try:
+        return Pose.from_rotation(RIGHT, LEFT, R, t)
+    except StructureError:
+        raise CalibrationValue(
+            f"R is no rotation: off by {rotation_error(R):.2g}, determinant {np.linalg.det(R):.4g}",
+            want="orthonormal to 1e-3, determinant 1",
+            path=path,
+            where=where,
+        ) from None

@@ -1,0 +1,1 @@
+"""ROS without ROS: messages, their definitions, bags."""

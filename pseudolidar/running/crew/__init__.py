@@ -1,0 +1,1 @@
+"""Workers that do frames: threads, or processes that may crash."""

@@ -1,0 +1,1 @@
+"""What a path is: sources, recordings, single files, folders."""

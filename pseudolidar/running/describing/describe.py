@@ -1,0 +1,226 @@
+"""What any path is: a source, a recording, a file that the program reads, a folder that it wrote.
+
+A source is recognised by `sources.recognise`, as everywhere; single files by the readers of their
+formats. What cannot be found out is told, and stops nothing.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from pseudolidar.errors import PseudolidarError, SourceUnknown
+from pseudolidar.formats.limits import DEFAULT_LIMITS
+from pseudolidar.formats.pictures.image_kinds import SNIFFED_BYTES, content_kind
+from pseudolidar.running.describing.describe_file import FILES
+from pseudolidar.running.describing.describe_source import (
+    deep_facts,
+    source_facts,
+    time_facts,
+    unusable_pairs,
+)
+from pseudolidar.running.describing.description import Description
+from pseudolidar.running.settings_schema import choice_name
+from pseudolidar.sources.folder import Folders
+from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.recording.recording import Recording
+from pseudolidar.sources.synthetic import SYNTHETIC
+
+RUN_FILE = "run.json"
+
+
+def describe(path: str, *, deep: bool = False, workers: int | None = None) -> Description:
+    """What `path` is.
+
+    Args:
+        path: file, folder, or `synthetic:WORLD`.
+        deep: read every frame, not only headers and indices.
+        workers: frames read at the same time.
+
+    Returns:
+        Its `facts` hold, as far as they apply: `frames`, `times`, `rig`, `topics`, `columns`,
+        `first_file`, `run`, `written`, and with `deep` `read`, `bad_frames`, `figures`.
+
+    Raises:
+        SourceUnknown: there is no such path.
+    """
+    place = Path(path)
+    if not path.startswith(SYNTHETIC) and not os.path.lexists(place):
+        recognise(path)  # raises, with the nearest name
+    if place.name == RUN_FILE and place.is_file():
+        return describe(str(place.parent), deep=deep, workers=workers)
+    size, files = disk_usage(place)
+    if place.is_dir() and (place / RUN_FILE).is_file():
+        return _run_folder(path, size, files, deep=deep, workers=workers)
+    try:
+        source = recognise(path)
+    except PseudolidarError as error:
+        return _file(path, size, files, error, deep=deep)
+    return _source(path, source, size, files, deep=deep, workers=workers)
+
+
+def disk_usage(place: Path) -> tuple[int, int]:
+    """Bytes and number of the files at or below `place`; links are not followed."""
+    if place.is_file():
+        return place.stat().st_size, 1
+    size = files = 0
+    for folder, _, names in os.walk(place):
+        for name in names:
+            try:
+                size += os.lstat(Path(folder) / name).st_size
+                files += 1
+            except OSError:
+                continue
+    return size, files
+
+
+def _source(
+    path: str, settings: Source, size: int, files: int, *, deep: bool, workers: int | None
+) -> Description:
+    facts: dict[str, Any] = {}
+    unknown: list[dict[str, Any]] = []
+    kind = choice_name(type(settings))
+    if isinstance(settings, Recording):
+        _into(facts, unknown, "topics", lambda: _topics(path))
+    try:
+        source = settings.open()
+    except PseudolidarError as error:
+        what = "a recording" if isinstance(settings, Recording) else f"looks like {kind}"
+        unknown.append(_unknown("frames", error))
+        if isinstance(settings, Folders):
+            what = "pictures of two eyes that cannot be used yet"
+            _into(facts, unknown, "pictures", lambda: unusable_pairs(settings))
+        return Description(path, kind, what, size, files, facts, unknown=tuple(unknown))
+    summary = source.summary
+    _into(facts, unknown, "frames", lambda: source_facts(source))
+    if deep:
+        _into(facts, unknown, "content", lambda: deep_facts(source, workers=workers))
+    return Description(
+        path, summary.kind, summary.line, size, files, facts, summary.notes, summary.absent,
+        tuple(unknown),
+    )  # fmt: skip
+
+
+def _topics(path: str) -> dict[str, Any]:
+    """Topics of a recording by its index, with what is known about their messages."""
+    from pseudolidar.formats.recordings.recording_store import open_store
+    from pseudolidar.sources.recording.topics import Topics
+
+    store = open_store(Path(path))
+    topics = Topics.of(store, DEFAULT_LIMITS)
+    read = {topic.name for topic in topics.topics}
+    rows = []
+    for number, channel in enumerate(store.channels):
+        times_ns = store.times_ns(number).tolist()
+        times = time_facts(times_ns, [str(i) for i in range(len(times_ns))])
+        rows.append(
+            {
+                "topic": channel.topic,
+                "type": channel.schema,
+                "messages": len(times_ns),
+                "rate_hz": times["rate_hz"],
+                "first_s": times["first_s"],
+                "span_s": times["span_s"],
+                "read": "yes" if channel.topic in read else "no",
+            }
+        )
+    rows.sort(key=lambda row: str(row["topic"]))
+    stores = {"written_by": store.written_by or None, "damage": list(store.notes)}
+    return {**stores, "topics": rows, "not_read": [f"{n}: {why}" for n, why in topics.skipped]}
+
+
+def _file(
+    path: str, size: int, files: int, refusal: PseudolidarError, *, deep: bool
+) -> Description:
+    """A single file, or something that is none of what is known."""
+    place = Path(path)
+    if not place.is_file():
+        reason = (_unknown("what it is", refusal),)
+        what = "a folder of nothing that is known" if place.is_dir() else "nothing that can be read"
+        return Description(path, "unknown", what, size, files, unknown=reason)
+    errors: list[dict[str, Any]] = []
+    for kind in FILES:
+        if not kind.looks_like(place):
+            continue
+        try:
+            what, facts, notes = kind.describe(place)
+            facts |= kind.values(place) if deep else {}
+            return Description(path, kind.name, what, size, files, facts, notes)
+        except PseudolidarError as error:
+            errors.append(_unknown(f"as {kind.name}", error))
+    found = content_of(place)
+    return Description(
+        path,
+        "unknown",
+        f"a file that is not read: {found}" if found else "a file of no known kind",
+        size,
+        files,
+        unknown=tuple(errors) or (_unknown("what it is", refusal),),
+    )
+
+
+def content_of(place: Path) -> str:
+    """Kind of a file's content by its first bytes, "" where they tell nothing."""
+    try:
+        with place.open("rb") as file:
+            return content_kind(file.read(SNIFFED_BYTES))
+    except OSError as error:
+        return error.strerror or str(error)
+
+
+def _run_folder(
+    path: str, size: int, files: int, *, deep: bool, workers: int | None
+) -> Description:
+    """A folder that a run has written: how it went, and what is in it."""
+    place = Path(path)
+    facts: dict[str, Any] = {}
+    unknown: list[dict[str, Any]] = []
+    _into(facts, unknown, "run", lambda: {"run": _run(place)})
+    folders = sorted(entry for entry in place.iterdir() if entry.is_dir() and entry.name[0] != ".")
+    written = []
+    for part in (*folders, *sorted(place.glob("*.mcap"))):
+        part_size, count = disk_usage(part)
+        written.append({"name": part.name, "files": count, "bytes": part_size})
+    facts["written"] = written
+    run = facts.get("run", {})
+    what = f"output of {run.get('verb', 'a run')}"
+    if run:
+        what += f": {run['committed']} of {run['frames']} frames, {run['skipped']} skipped"
+        what += " (ended early, the same command continues)" if run["ended_early"] else ""
+    try:
+        inner = _source(path, recognise(path), size, files, deep=deep, workers=workers)
+        facts |= inner.facts
+        unknown += inner.unknown
+    except PseudolidarError:
+        pass  # a run need not have written clouds
+    return Description(path, "run", what, size, files, facts, unknown=tuple(unknown))
+
+
+def _run(place: Path) -> dict[str, Any]:
+    try:
+        data = json.loads((place / RUN_FILE).read_bytes())
+        names = ("verb", "version", "frames", "committed", "skipped", "ended_early", "exit_code")
+        return {name: data[name] for name in names} | {"source": data["source"]["line"]}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise SourceUnknown(
+            f"a {RUN_FILE} that cannot be read ({error})", path=place / RUN_FILE
+        ) from error
+
+
+def _into(
+    facts: dict[str, Any],
+    unknown: list[dict[str, Any]],
+    what: str,
+    find: Callable[[], dict[str, Any]],
+) -> None:
+    try:
+        facts |= find()
+    except PseudolidarError as error:
+        unknown.append(_unknown(what, error))
+
+
+def _unknown(what: str, error: PseudolidarError) -> dict[str, Any]:
+    return {"what": what, **error.as_dict()}

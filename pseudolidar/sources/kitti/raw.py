@@ -1,0 +1,242 @@
+"""KITTI raw data: synchronised, rectified drives."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pseudolidar.errors import CalibrationMissing, NotRectified, SourceUnknown
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.oxts import OxtsPacket, read_oxts
+from pseudolidar.formats.pictures.image import read_size
+from pseudolidar.formats.rigs.kitti import CAM_TO_CAM, IMU_TO_VELO, VELO_TO_CAM, read_raw_calib
+from pseudolidar.formats.rigs.kitti_calibration import KittiCalibration
+from pseudolidar.formats.timestamps import read_timestamps
+from pseudolidar.sources.kitti.frames import FrameFiles, KittiFrames, opened
+from pseudolidar.sources.kitti.parts import (
+    SCAN_SUFFIXES,
+    TEXT_SUFFIXES,
+    CameraChoice,
+    CameraFolders,
+    absent_part,
+    camera_folders,
+    choose_cameras,
+    one_of,
+    stray_note,
+)
+from pseudolidar.sources.numbered import FrameNumber, NumberedFiles, numbered_files, pair_by_number
+from pseudolidar.sources.stamps import FrameTimes, read_frame_times, synthetic_times
+
+KIND = "kitti-raw"
+CAMERA_FOLDERS = tuple(f"image_0{number}" for number in range(4))
+DATE = re.compile(r"[0-9]{4}_[0-9]{2}_[0-9]{2}")
+UNRECTIFIED = "extract"
+
+
+@dataclass(frozen=True)
+class KittiRaw:
+    """KITTI raw data, synchronised and rectified drives.
+
+    Args:
+        path: a drive, its date folder, or the folder of the dates.
+        camera: colour where it is there, or one kind.
+        sequence: the drive, `2011_09_26_drive_0002_sync` or `0002`; the only one by default.
+        rate_hz: frames a second where there are no time stamps.
+        limits: caps on the files.
+    """
+
+    path: str
+    camera: CameraChoice = "auto"
+    sequence: str | None = None
+    rate_hz: float = 10.0
+    limits: Limits = DEFAULT_LIMITS
+
+    @classmethod
+    def looks_like(cls, path: Path) -> bool:
+        """Whether there are drives in `path`, by content."""
+        return bool(_drives(path))
+
+    def open(self) -> KittiFrames:
+        """List the drive's pairs and read its calibration, times and where it has them.
+
+        Raises:
+            SourceUnknown: no drive. UsageError: several. SourceEmpty: no pair.
+            CalibrationMissing, CalibrationField, CalibrationSyntax, CalibrationValue: calibration.
+            NotRectified: the drive is of the unrectified data ("extract").
+            SequenceTime: times.
+        """
+        root = Path(self.path)
+        drive = _drive(root, self.sequence)
+        cameras, absent = choose_cameras(self.camera, _cameras(drive), path=drive)
+        calibration, calibration_absent = _calibration(drive, self.limits)
+        _refuse_unrectified(drive, cameras, calibration, self.limits)
+        pairs = pair_by_number(cameras.left, cameras.right)
+        numbers = [number for number, _, _ in pairs.pairs]
+        times = _times(cameras.left.folder.parent, numbers, self.rate_hz, self.limits)
+        scans = numbered_files(drive / "velodyne_points" / "data", SCAN_SUFFIXES)
+        scan_stamps = _scan_stamps(drive / "velodyne_points" / "timestamps.txt", self.limits)
+        packets = numbered_files(drive / "oxts" / "data", TEXT_SUFFIXES)
+        first_oxts = _first_oxts(packets, numbers, calibration, self.limits)
+        frames = tuple(
+            FrameFiles(
+                id=left.stem,
+                timestamp_ns=stamp_ns,
+                left=left,
+                right=right,
+                calibration=calibration,
+                scan=scans.get(number),
+                scan_timestamp_ns=_at(scan_stamps, number),
+                oxts=packets.get(number),
+            )
+            for (number, left, right), stamp_ns in zip(
+                pairs.pairs, times.timestamps_ns, strict=True
+            )
+        )
+        return opened(
+            kind=KIND,
+            name=f"KITTI raw, {drive.name}",
+            path=self.path,
+            cameras=cameras,
+            frames=frames,
+            refused=pairs.refused,
+            absent=(
+                *absent,
+                *calibration_absent,
+                *absent_part("velodyne", scans, numbers),
+                *absent_part("oxts", packets, numbers),
+            ),
+            notes=(
+                *pairs.notes,
+                *times.notes,
+                *calibration.notes,
+                *_date_note(drive, calibration),
+                *stray_note("velodyne", scans, numbers),
+            ),
+            first_oxts=first_oxts,
+            limits=self.limits,
+        )
+
+
+def _drives(path: Path) -> list[Path]:
+    """Drive folders: `path` itself, below it, or below its date folders."""
+    if _is_drive(path):
+        return [path]
+    children = _folders(path)
+    drives = [child for child in children if _is_drive(child)]
+    for child in children:
+        if DATE.fullmatch(child.name):
+            drives += [folder for folder in _folders(child) if _is_drive(folder)]
+    return drives
+
+
+def _is_drive(path: Path) -> bool:
+    return any((path / name / "data").is_dir() for name in CAMERA_FOLDERS)
+
+
+def _folders(path: Path) -> list[Path]:
+    try:
+        return sorted(child for child in path.iterdir() if child.is_dir())
+    except OSError:
+        return []
+
+
+def _drive(root: Path, sequence: str | None) -> Path:
+    drives = _drives(root)
+    if not drives:
+        raise SourceUnknown(
+            "no drive of KITTI raw",
+            want="a folder with image_02/data and image_03/data",
+            fix="Pass a drive, its date folder, or the folder of the dates.",
+            path=root,
+        )
+    rectified = [drive for drive in drives if not drive.name.endswith(UNRECTIFIED)]
+    drives = rectified or drives
+    return drives[one_of("drive", [drive.name for drive in drives], sequence, path=root)]
+
+
+def _cameras(drive: Path) -> tuple[CameraFolders, ...]:
+    grey0, grey1, colour2, colour3 = (f"{name}/data" for name in CAMERA_FOLDERS)
+    return camera_folders(drive, colour=[(colour2, colour3)], grey=[(grey0, grey1)])
+
+
+def _calibration(drive: Path, limits: Limits) -> tuple[KittiCalibration, tuple[str, ...]]:
+    """Calibration beside the drive, as it comes, or in it; and which files are absent."""
+    folders = (drive.resolve().parent, drive)
+    folder = next((folder for folder in folders if (folder / CAM_TO_CAM).is_file()), None)
+    if folder is None:
+        raise CalibrationMissing(
+            f"no {CAM_TO_CAM}",
+            want=f"{CAM_TO_CAM}, {VELO_TO_CAM} and {IMU_TO_VELO} beside the drive",
+            fix="Get the calibration of that date, a separate download.",
+            path=folders[0],
+        )
+    optional = [folder / VELO_TO_CAM, folder / IMU_TO_VELO]
+    absent = tuple(f"calibration {path.name}" for path in optional if not path.is_file())
+    velo, imu = (path if path.is_file() else None for path in optional)
+    calibration = read_raw_calib(folder / CAM_TO_CAM, velo, imu, limits=limits)
+    return replace(calibration, date=_date_of(folder)), absent
+
+
+def _refuse_unrectified(
+    drive: Path, cameras: CameraFolders, calibration: KittiCalibration, limits: Limits
+) -> None:
+    camera = cameras.numbers[0]
+    first = cameras.left.paths[min(cameras.left.paths)]
+    raw_px, rectified_px = calibration.raw_sizes_px.get(camera), calibration.sizes_px.get(camera)
+    unrectified = drive.name.endswith(UNRECTIFIED)
+    if not unrectified and raw_px is not None and raw_px != rectified_px:
+        unrectified = read_size(first, limits=limits) == raw_px
+    if unrectified:
+        raise NotRectified(
+            "a drive of the unrectified data",
+            want="a synchronised and rectified one (drive_NNNN_sync)",
+            fix="Get the sync version of this drive, or rectify it first.",
+            path=drive,
+        )
+
+
+def _times(
+    camera: Path, numbers: Sequence[FrameNumber], rate_hz: float, limits: Limits
+) -> FrameTimes:
+    indices = [number[0] for number in numbers]
+    path = camera / "timestamps.txt"
+    if indices and path.is_file():
+        return read_frame_times(path, read_timestamps(path, limits=limits), indices)
+    return synthetic_times([index - indices[0] for index in indices], rate_hz)
+
+
+def _scan_stamps(path: Path, limits: Limits) -> tuple[int | None, ...]:
+    return read_timestamps(path, limits=limits) if path.is_file() else ()
+
+
+def _at(stamps_ns: Sequence[int | None], number: FrameNumber) -> int | None:
+    return stamps_ns[number[0]] if number[0] < len(stamps_ns) else None
+
+
+def _first_oxts(
+    packets: NumberedFiles,
+    numbers: Sequence[FrameNumber],
+    calibration: KittiCalibration,
+    limits: Limits,
+) -> OxtsPacket | None:
+    """The packet of the first frame that has one, where the IMU is calibrated to the cameras."""
+    first = next((path for number in numbers if (path := packets.get(number))), None)
+    if first is None or calibration.T_velodyne_imu is None or calibration.T_cam0_velodyne is None:
+        return None
+    return read_oxts(first, limits=limits)
+
+
+def _date_note(drive: Path, calibration: KittiCalibration) -> tuple[str, ...]:
+    """Whether the drive is of another date than the calibration."""
+    own = _date_of(drive)
+    if not own or not calibration.date or own == calibration.date:
+        return ()
+    return (f"calibration: of {calibration.date}, while the drive is of {own}",)
+
+
+def _date_of(folder: Path) -> str:
+    """Date in the name of a drive or of the folder of a day, or nothing."""
+    match = DATE.match(folder.resolve().name)
+    return match[0] if match else ""

@@ -1,0 +1,1 @@
+"""Recordings as sources of pairs, depth and clouds."""

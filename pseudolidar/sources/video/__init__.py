@@ -1,0 +1,1 @@
+"""Videos of two eyes as sources."""
