@@ -239,6 +239,10 @@ class NoPairs(PseudolidarError):
     """A source has no rectified pairs where only they will do."""
 
 
+class NoClouds(PseudolidarError):
+    """A source has no ready-made clouds where only they will do."""
+
+
 class RecordingError(PseudolidarError):
     """A recording (MCAP) is broken or contradicts itself."""
 

@@ -22,6 +22,7 @@ from pseudolidar.formats.rigs.rig_fields import MINIMAL_RIG
 from pseudolidar.formats.rigs.rig_json import parse_rig, write_rig
 from pseudolidar.running.settings_json import to_json
 from pseudolidar.sources.synthetic import Synthetic
+from tests.recordings import named_clouds, write_own
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text("utf-8")
@@ -78,6 +79,7 @@ def shown_folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for maps in ("EST", "GT"):
         (folder / maps).mkdir()
         cv2.imwrite(str(folder / maps / "0.png"), picture.astype(np.uint16))
+    write_own(folder / "drive.mcap", named_clouds(["a"]))
     (folder / OWN_JOB).write_text(blocks("python")[0])
     return folder
 

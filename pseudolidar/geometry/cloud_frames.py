@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 
 from pseudolidar.errors import CalibrationField, UsageError
-from pseudolidar.geometry.frame_chain import chain
-from pseudolidar.geometry.frames import BASE_LINK, R_BODY_OPTICAL, left_in_base_link
+from pseudolidar.geometry.frame_chain import ancestors, chain
+from pseudolidar.geometry.frames import BASE_LINK, MAP, R_BODY_OPTICAL, left_in_base_link
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.pose import Pose
@@ -18,6 +19,9 @@ from pseudolidar.structures.pose import Pose
 # Of pairs one of `PAIR_FRAMES`; of ready-made clouds any that their source knows.
 CloudFrame: TypeAlias = str
 PAIR_FRAMES = ("velodyne", "camera_left", "base_link")
+
+# Farther from its origin a frame needs float64: steps of float32 are wider than half a millimetre.
+FLOAT32_REACH_M = 4096.0
 
 # Names of frames with a camera's axes (x right, y down, z forward), by REP-103 and by habit.
 _OPTICAL = re.compile(r"camera_(left|right)|cam[0-9]|.*_optical(_frame)?")
@@ -82,7 +86,35 @@ def placed(cloud: PointCloud, tree: Iterable[Pose], frame: CloudFrame | None) ->
             fix="Leave out --frame to keep clouds as they are.",
             where="tf",
         )
+    return carried(cloud, T_frame_cloud)
+
+
+def carried(cloud: PointCloud, T_frame_cloud: Pose) -> PointCloud:
+    """A cloud in another frame; in float64 where float32 cannot tell its points apart there.
+
+    Maps in UTM coordinates lie millions of metres from their origin, where float32 has steps of
+    half a metre.
+    """
+    far = np.abs(T_frame_cloud.translation_m).max() > FLOAT32_REACH_M
+    if far and cloud.xyz.dtype != np.float64:
+        cloud = replace(cloud, xyz=cloud.xyz.astype(np.float64))
     return cloud.transformed(T_frame_cloud)
+
+
+def common_frame(sights: Sequence[tuple[str, Iterable[Pose]]]) -> CloudFrame | None:
+    """The most fixed frame that is above all of some clouds; None where no frame is.
+
+    That is `map` where it is among them: what is above it (`earth`, `utm`) holds no more still, and
+    its coordinates are large.
+
+    Args:
+        sights: frame and tree (`T_parent_child`) of each cloud, at least one.
+    """
+    first, *others = (ancestors(tree, frame) for frame, tree in sights)
+    shared = [name for name in first if all(name in names for names in others)]
+    if not shared:
+        return None
+    return MAP if MAP in shared else shared[-1]
 
 
 def is_optical(frame: str) -> bool:

@@ -20,6 +20,11 @@ def chain(tree: Iterable[Pose], dst: str, src: str) -> Pose | None:
     return None
 
 
+def ancestors(tree: Iterable[Pose], name: str) -> tuple[str, ...]:
+    """The frame itself and all above it in a tree of `T_parent_child`, nearest first."""
+    return tuple(_ups({pose.src: pose for pose in tree}, name))
+
+
 def _ups(parents: Mapping[str, Pose], name: str) -> dict[str, Pose]:
     """`T_ancestor_name` of the frame itself and of all above it, nearest first."""
     ups = {name: Pose.identity(name, name)}

@@ -20,7 +20,8 @@ def best_of_voxel(xyz: AnyArray, sigma_m: Float32 | None, *, voxel_m: float) -> 
     """Indices, ascending, of one point of each occupied cube: the one with the smallest sigma.
 
     Real points are kept, not averages, so that every column stays true. Ties and clouds without
-    sigma keep the first. Points that are not finite are dropped.
+    sigma keep the first; a point of unknown sigma (NaN) gives way to any other. Points that are not
+    finite are dropped.
 
     Args:
         xyz: (N, 3) m.
@@ -67,7 +68,7 @@ def _best(xyz, sigma, voxel_m, slots):  # type: ignore[no-untyped-def]
                 slots[slot], kept[i] = i, True
                 break
             if cells[j, 0] == x and cells[j, 1] == y and cells[j, 2] == z:
-                if sigma[i] < sigma[j]:
+                if sigma[i] < sigma[j] or (math.isnan(sigma[j]) and not math.isnan(sigma[i])):
                     slots[slot], kept[i], kept[j] = i, True, False
                 break
             slot = (slot + 1) & last

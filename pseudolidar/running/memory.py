@@ -1,16 +1,22 @@
-"""Lets freed arrays serve the next frame instead of going back to the system."""
+"""How much memory there is, and freed arrays that serve the next frame."""
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
+import resource
 import sys
+from pathlib import Path
+
+from pseudolidar.errors import MemoryLimit
 
 # Parameters of glibc's mallopt (malloc.h): where mmap begins, and how much free memory at the top
 # of a heap is kept.
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 _LARGEST_MMAP_THRESHOLD = 32 << 20  # what glibc accepts on 64 bits
 _KEPT_BYTES = 512 << 20
+# Points that become a file are held as they came, joined, and as its bytes: so often at once.
+_COPIES_HELD = 3
 
 
 def keep_freed_memory() -> None:
@@ -26,3 +32,66 @@ def keep_freed_memory() -> None:
         libc = ctypes.CDLL(None)
         libc.mallopt(_M_MMAP_THRESHOLD, _LARGEST_MMAP_THRESHOLD)
         libc.mallopt(_M_TRIM_THRESHOLD, _KEPT_BYTES)
+
+
+def check_memory(expected_bytes: int, *, held: int) -> None:
+    """Raise before points that are gathered for one file fill the memory.
+
+    Args:
+        expected_bytes: of all of them.
+        held: of those that are in memory already.
+
+    Raises:
+        MemoryLimit: they will not fit, the file made of them included.
+    """
+    free = available_bytes()
+    need = _COPIES_HELD * expected_bytes - held
+    if free is not None and need > free:
+        raise MemoryLimit(
+            f"points of about {expected_bytes / 1e9:.1f} GB, and {need / 1e9:.1f} GB more to join "
+            "and write them",
+            want=f"at most {free / 1e9:.1f} GB, the free memory",
+            fix="Pass --voxel 0.1 (or more), --crop, or fewer --frames.",
+        )
+
+
+def available_bytes() -> int | None:
+    """Memory that this process may still take without swapping; None where nothing tells.
+
+    The least of what the system has, what its control group (a container) has left, and what the
+    process is limited to.
+    """
+    known = [_of_system(), _of_group(), _of_process()]
+    return min((free for free in known if free is not None), default=None)
+
+
+def _of_system() -> int | None:
+    with contextlib.suppress(OSError, ValueError, StopIteration):
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        return 1024 * int(
+            next(line for line in lines if line.startswith("MemAvailable")).split()[1]
+        )
+    return None
+
+
+def _of_group() -> int | None:
+    with contextlib.suppress(OSError, ValueError, StopIteration):
+        groups = Path("/proc/self/cgroup").read_text().splitlines()
+        own = next(line for line in groups if line.startswith("0::")).removeprefix("0::")
+        folder = Path("/sys/fs/cgroup", own.lstrip("/"))
+        most, used = (int((folder / f"memory.{name}").read_text()) for name in ("max", "current"))
+        stat = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
+        return most - used + int(stat.get("inactive_file", 0))  # given back when it is needed
+    return None
+
+
+def _of_process() -> int | None:
+    most, _ = resource.getrlimit(resource.RLIMIT_DATA)
+    if most == resource.RLIM_INFINITY:
+        return None
+    with contextlib.suppress(OSError, ValueError, StopIteration):
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return most - 1024 * int(
+            next(line for line in lines if line.startswith("VmData")).split()[1]
+        )
+    return most

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol, TypeVar, cast
 
-from pseudolidar.errors import NoPairs, PseudolidarError
+from pseudolidar.errors import NoClouds, NoPairs, PseudolidarError
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
@@ -102,12 +102,7 @@ def nearest_depth_m(wanted_m: float | None, source: FrameSequence[Frame]) -> flo
 
 def first_middle_last(source: FrameSource) -> Iterator[StereoFrame]:
     """Up to three frames that show what all are like; those that cannot be read are left out."""
-    last = len(source.ids) - 1
-    for index in sorted({0, last // 2, last}) if last >= 0 else ():
-        try:
-            yield source.load(index)
-        except PseudolidarError:
-            continue  # refused in its turn
+    yield from evenly_loaded(source, most=3)
 
 
 def pairs_of(source: FrameSequence[Frame]) -> FrameSource:
@@ -124,3 +119,31 @@ def pairs_of(source: FrameSequence[Frame]) -> FrameSource:
             path=source.summary.path,
         )
     return cast("FrameSource", source)
+
+
+def clouds_of(source: FrameSequence[Frame]) -> FrameSequence[RecordedCloud]:
+    """The source, if its frames are ready-made clouds.
+
+    Raises:
+        NoClouds: they are something else.
+    """
+    if source.yields is not RecordedCloud:
+        raise NoClouds(
+            f"a source of {KIND_NAMES[source.yields]}",
+            want=KIND_NAMES[RecordedCloud],
+            fix="Make clouds of it first, `pseudolidar convert SOURCE OUT --to mcap`, and take the "
+            "recording in OUT: it has them with their poses.",
+            path=source.summary.path,
+        )
+    return cast("FrameSequence[RecordedCloud]", source)
+
+
+def evenly_loaded(source: FrameSequence[AnyFrame], *, most: int) -> Iterator[AnyFrame]:
+    """Up to `most` frames from the first to the last; those that cannot be read are left out."""
+    frames = len(source.ids)
+    steps = max(1, min(frames, most) - 1)
+    for index in sorted({(frames - 1) * step // steps for step in range(min(frames, most))}):
+        try:
+            yield source.load(index)
+        except PseudolidarError:
+            continue  # refused in its turn

@@ -7,12 +7,13 @@ import pytest
 
 from pseudolidar.clouds.beams import Beams
 from pseudolidar.clouds.crop import Box, Interval, Range
-from pseudolidar.clouds.merge import merged
+from pseudolidar.clouds.merge import LEAST_WAITING, Joined, column_names, merged
 from pseudolidar.clouds.thin import Density, Uniform, Voxel
 from pseudolidar.clouds.tool import CloudTools, forward_of, origin_of
 from pseudolidar.errors import CalibrationField, StructureError, UsageError
 from pseudolidar.geometry.beams import hdl64
 from pseudolidar.geometry.frames import R_BODY_OPTICAL
+from pseudolidar.geometry.voxels import best_of_voxel
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.pose import Pose
 
@@ -253,3 +254,43 @@ class TestMerge:
             merged([cloud(5), cloud(5, frame="camera_left")])
         with pytest.raises(StructureError, match="no cloud"):
             merged([])
+
+
+class TestJoined:
+    def test_one_after_the_other_is_the_same_as_at_once(self):
+        parts = [cloud(50, seed=k) for k in range(4)]
+        joined = Joined()
+        for part in parts:
+            joined.add(part)
+        assert joined.nbytes == 4 * 50 * (12 + 3 + 4 + 4 + 8 + 8 + 2)
+        both, lost = joined.taken()
+        assert lost == ()
+        assert column_names(both) == column_names(parts[0])
+        np.testing.assert_array_equal(both.xyz, merged(parts).xyz)
+
+    def test_with_cubes_memory_is_that_of_what_is_kept_and_the_points_are_the_same(self):
+        rng = np.random.default_rng(8)
+        parts = []
+        for _ in range(12):
+            xyz = rng.uniform(0, 20, (300_000, 3)).astype(np.float32)
+            sigma_m = rng.integers(1, 50, len(xyz)).astype(np.float32)
+            sigma_m[::11] = np.nan
+            parts.append(PointCloud(xyz, "map", sigma_m=sigma_m))
+        joined, most = Joined(1.0), 0
+        for part in parts:
+            joined.add(part)
+            most = max(most, len(joined))
+        assert most <= LEAST_WAITING + 300_000
+        thinned, _ = joined.taken()
+        whole = merged(parts)
+        best = best_of_voxel(whole.xyz, whole.sigma_m, voxel_m=1.0)
+        assert len(best) == 8000
+        np.testing.assert_array_equal(thinned.xyz, whole.xyz[best])
+
+    def test_columns_that_are_lost_are_named(self):
+        joined = Joined()
+        joined.add(cloud(5))
+        joined.add(PointCloud(cloud(5).xyz, "velodyne"))
+        both, lost = joined.taken()
+        assert lost == ("rgb", "uv")
+        assert both.sigma_m is not None

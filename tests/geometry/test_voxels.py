@@ -27,3 +27,10 @@ def test_same_points_as_plain_numpy(voxel_m, with_sigma):
 
 def test_no_points():
     assert len(best_of_voxel(np.zeros((0, 3), np.float32), None, voxel_m=0.1)) == 0
+
+
+def test_a_point_of_unknown_sigma_gives_way():
+    xyz = np.zeros((4, 3), np.float32)
+    for sigma_m, best in (([np.nan, 2, 1, np.nan], 2), ([np.nan] * 4, 0), ([3, np.nan, 4, 5], 0)):
+        kept = best_of_voxel(xyz, np.array(sigma_m, np.float32), voxel_m=1)
+        assert kept.tolist() == [best]
