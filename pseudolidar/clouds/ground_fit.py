@@ -155,7 +155,9 @@ def _prior(planes: Float64, settings: GroundFit, origin_m: Float64) -> Float64:
 def _refined(
     plane: Float64, points: Float64, across: Float64, settings: GroundFit, origin_m: Float64
 ) -> Float64:
-    design = np.column_stack([points[:, :2], np.ones(len(points))])
+    """The plane (a, b, c) that a few rounds of reweighted least squares lead to."""
+    x, y, z = points.T
+    columns = (x, y, np.ones(len(points)))
     slope = 1 / np.tan(np.radians(settings.tilt_sigma_deg))
     information = np.diag([slope**2, slope**2, 0.0])
     target = np.zeros(3)
@@ -163,10 +165,12 @@ def _refined(
         information[2, 2] = 1 / settings.height_sigma_m**2
         target[2] = information[2, 2] * (origin_m[2] - settings.height_m)
     for _ in range(ITERATIONS):
-        ratio = (points[:, 2] - design @ plane) / (CUT_SIGMAS * across)
+        ratio = (z - plane[0] * x - plane[1] * y - plane[2]) / (CUT_SIGMAS * across)
         tukey = np.where(np.abs(ratio) < 1, (1 - ratio**2) ** 2, 0.0)
         weights = tukey / across**2
-        weighed = design * weights[:, None]
-        normal_equations = weighed.T @ design + information
-        plane = np.asarray(np.linalg.solve(normal_equations, weighed.T @ points[:, 2] + target))
+        weighed = [column * weights for column in columns]
+        # Sums by numpy: BLAS rounds by its threads, and so by the machine.
+        products = np.array([[(w * column).sum() for column in columns] for w in weighed])
+        heights = np.array([(w * z).sum() for w in weighed])
+        plane = np.asarray(np.linalg.solve(products + information, heights + target))
     return plane

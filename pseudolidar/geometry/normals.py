@@ -56,9 +56,12 @@ def normals_of_pixels(xyz: AnyArray, uv: Float32, T_camera_points: Pose) -> Floa
 
 
 def _line(pixel: AnyArray, slope: Float64) -> tuple[float, float]:
-    """`slope = f pixel + c` by least squares: 1 / focal length, and minus the centre over it."""
+    """`slope = f pixel + c` by least squares: 1 / focal length, and minus the centre over it.
+
+    Sums instead of scalar products: BLAS rounds by its threads, and so by the machine.
+    """
     centred = pixel - pixel.mean()
-    f = float(centred @ (slope - slope.mean()) / max(float(centred @ centred), 1e-9))
+    f = float((centred * (slope - slope.mean())).sum() / max(float((centred**2).sum()), 1e-9))
     return f, float(slope.mean() - f * pixel.mean())
 
 

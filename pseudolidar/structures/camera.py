@@ -122,7 +122,11 @@ class DisparityCorrection:
 
     def offset_px(self, d: Float64, u: Float64, v: Float64, size_px: tuple[int, int]) -> Float64:
         """(N,) px to subtract from measured disparities."""
-        return self.features(d, u, v, size_px) @ self.coefficients
+        features = self.features(d, u, v, size_px)
+        offset = self.coefficients[0] * features[..., 0]
+        for column in range(1, len(self.coefficients)):  # no BLAS: it rounds by its threads
+            offset += self.coefficients[column] * features[..., column]
+        return np.asarray(offset)
 
     def scaled(self, ratio: float) -> DisparityCorrection:
         """The correction for images whose width, and with it disparity, is `ratio` times as large.
