@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pseudolidar.errors import ReferenceMissing, StructureError
+from pseudolidar.errors import StructureError
+from pseudolidar.evaluation.compared import against_scan, projected
 from pseudolidar.evaluation.ranges import RangeErrors, errors_by_range
-from pseudolidar.geometry.projection import ProjectedScan, project_scan
-from pseudolidar.geometry.triangulation import disparity_from_depth
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DisparityMap
@@ -60,7 +59,7 @@ def cloud_against_scan(cloud: PointCloud, frame: StereoFrame) -> DepthPairs:
             f"a cloud in {cloud.frame!r}, {'without' if cloud.uv is None else 'with'} pixels",
             want=f"one in {frame.rig.left.frame!r} with uv",
         )
-    scan = _projected(frame)
+    scan = projected(frame)
     width, height = frame.size_px
     depth_of_pixel = np.full((height, width), np.nan)
     column, row = np.rint(cloud.uv).astype(np.intp).T
@@ -79,27 +78,4 @@ def scan_samples(
     Raises:
         ReferenceMissing: the frame has no scan.
     """
-    scan = _projected(frame)
-    column, row = np.rint(scan.uv).astype(np.intp).T
-    measured = disparity.values[row, column].astype(np.float64)
-    both = np.isfinite(measured)
-    u, v = column[both].astype(np.float64), row[both].astype(np.float64)
-    sigma = None if disparity.sigma is None else disparity.sigma[row, column][both]
-    return DisparitySamples(
-        measured=measured[both],
-        reference=disparity_from_depth(scan.depth_m[both], u, frame.rig),
-        u=u,
-        v=v,
-        frame=np.full(len(u), frame_number, np.int64),
-        size_px=frame.size_px,
-        sigma=None if sigma is None else sigma.astype(np.float64),
-    )
-
-
-def _projected(frame: StereoFrame) -> ProjectedScan:
-    if frame.scan is None:
-        raise ReferenceMissing(
-            f"frame {frame.id} has no LiDAR scan",
-            want="a source with a Velodyne scan of each frame",
-        )
-    return project_scan(frame.scan, frame.rig)
+    return against_scan(disparity, frame).samples(frame_number)
