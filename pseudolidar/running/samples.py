@@ -15,9 +15,9 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
+from pseudolidar.geometry.grey import shift_to_8_bits
 from pseudolidar.running.folder import inside
 from pseudolidar.running.record import FrameRecord
-from pseudolidar.stereo.grey import shift_to_8_bits
 from pseudolidar.structures.arrays import Image, UInt8
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DisparityMap

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 from pseudolidar.errors import StereoConfig
+from pseudolidar.geometry.grey import grey8_pair
 from pseudolidar.stereo.disparity_range import (
     RANGE_STEP_PX,
     check_min_depth,
     check_range,
     disparity_range,
 )
-from pseudolidar.stereo.grey import grey8_pair
 from pseudolidar.stereo.matcher import DEFAULT_MIN_DEPTH_M
 from pseudolidar.stereo.sigma_model import SigmaModel
 from pseudolidar.structures.disparity import DisparityMap

@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 
 from pseudolidar.errors import StereoConfig, StructureError
-from pseudolidar.stereo.grey import grey8_left
+from pseudolidar.geometry.grey import grey8_left
 from pseudolidar.structures.arrays import Float32, Float64, UInt8
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame

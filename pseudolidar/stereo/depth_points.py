@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pseudolidar.errors import MapEmpty, StereoConfig
-from pseudolidar.stereo.grey import shift_to_8_bits
+from pseudolidar.geometry.grey import shift_to_8_bits
 from pseudolidar.stereo.reproject import LUMA, Reproject
 from pseudolidar.structures.arrays import Bool, Float32, Float64, UInt8
 from pseudolidar.structures.cloud import PointCloud

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.errors import MapScale
+from pseudolidar.geometry.grey import grey8_pair
 from pseudolidar.stereo.given_maps import UNITS, GivenMaps, MapKind, readable
-from pseudolidar.stereo.grey import grey8_pair
 from pseudolidar.structures.arrays import Float32, Float64, Int64
 from pseudolidar.structures.frame import StereoFrame
 

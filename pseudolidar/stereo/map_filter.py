@@ -8,7 +8,7 @@ from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 
-from pseudolidar.stereo.grey import shift_to_8_bits
+from pseudolidar.geometry.grey import shift_to_8_bits
 from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.structures.arrays import AnyArray, Float32, UInt8
 from pseudolidar.structures.disparity import DisparityMap

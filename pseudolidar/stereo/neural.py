@@ -12,8 +12,8 @@ import numpy as np
 
 from pseudolidar.errors import ModelError, PseudolidarError, StereoConfig
 from pseudolidar.formats.onnx_model import OnnxModel, read_onnx
+from pseudolidar.geometry.grey import grey8_pair, shift_to_8_bits
 from pseudolidar.stereo.disparity_range import check_min_depth, disparity_range
-from pseudolidar.stereo.grey import grey8_pair, shift_to_8_bits
 from pseudolidar.stereo.matcher import DEFAULT_MIN_DEPTH_M
 from pseudolidar.stereo.networks.layout import NetworkLayout, layout_beside
 from pseudolidar.stereo.networks.names import expected_layout, family_of

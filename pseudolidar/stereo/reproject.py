@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from pseudolidar.errors import StereoConfig, StructureError
+from pseudolidar.geometry.grey import shift_to_8_bits
 from pseudolidar.geometry.triangulation import forward_offset_m
-from pseudolidar.stereo.grey import shift_to_8_bits
 from pseudolidar.structures.arrays import Float32, Float64, UInt8
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.cloud import PointCloud

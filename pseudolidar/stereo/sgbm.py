@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from pseudolidar.errors import StereoConfig
+from pseudolidar.geometry.grey import grey8_pair
 from pseudolidar.stereo.disparity_range import check_min_depth, check_range, disparity_range
-from pseudolidar.stereo.grey import grey8_pair
 from pseudolidar.stereo.matcher import DEFAULT_MIN_DEPTH_M
 from pseudolidar.structures.arrays import AnyArray, Float32, UInt8
 from pseudolidar.structures.disparity import DisparityMap

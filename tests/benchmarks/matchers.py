@@ -14,9 +14,9 @@ import cv2
 import numpy as np
 import psutil
 
+from pseudolidar.geometry.grey import grey8_pair
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.stereo.census import Census
-from pseudolidar.stereo.grey import grey8_pair
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.frame import StereoFrame
 from tests.conftest import DATA

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pseudolidar.stereo.grey import grey8_pair, shift_to_8_bits
+from pseudolidar.geometry.grey import grey8_pair, shift_to_8_bits
 
 
 @pytest.fixture(scope="module")
