@@ -10,6 +10,7 @@ from pseudolidar.sources.kitti.stereo import KittiStereo
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filled_map import Surfaces
 from pseudolidar.stereo.map_filter import MapFilters
+from pseudolidar.stereo.sgbm import Sgbm
 from pseudolidar.stereo.smoothed_map import Fgs
 from tests.stereo.motorcycle import DISPARITIES, motorcycle
 
@@ -61,6 +62,14 @@ def test_a_dense_map_is_no_worse_than_filling_by_the_rows_minimum(data, request)
     assert found["dense"][1] == pytest.approx(1, abs=1e-3)
     assert found["dense"][3] <= found["matched"][3]
     assert found["dense"][0] <= found["matched"][3]
+
+
+def test_a_dense_map_of_another_matcher_loses_nothing_either(real_data):
+    """Middlebury, SGBM: 96 columns without a match, no sigma; 9.57 % by the row's minimum."""
+    pair = motorcycle(real_data)
+    found = scores([pair], Sgbm(disparities=DISPARITIES).load())
+    assert found["dense"][3] <= found["matched"][3]
+    assert found["smooth"][3] <= found["matched"][3]
 
 
 def test_filled_holes_are_as_good_as_the_rows_minimum_on_kitti(kitti):
