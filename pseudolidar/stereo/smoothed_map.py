@@ -98,8 +98,8 @@ class FgsFilter:
         out, out_sigma = disparity.values + moved, np.hypot(sigma, moved)
         if s.dense:
             background = _background(out, valid)
-            limit = LARGEST_MOVE_UNMATCHED_PX
-            out[~valid] = (background + np.clip(smooth - background, -limit, limit))[~valid]
+            most = LARGEST_MOVE_UNMATCHED_PX
+            out[~valid] = (background + np.clip(smooth - background, -most, most))[~valid]
             out_sigma[~valid] = _unmatched_sigma(smooth, values, sigma_around, valid)[~valid]
             out_sigma[~(out > 0)] = np.nan
             out[~(out > 0)] = np.nan
