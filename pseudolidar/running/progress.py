@@ -5,20 +5,6 @@ from __future__ import annotations
 from types import TracebackType
 from typing import Self
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    DownloadColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeRemainingColumn,
-    TransferSpeedColumn,
-)
-from rich.text import Text
-
 
 class FrameProgress:
     """A bar with frames, rate, time left and skipped frames; nothing where nobody looks.
@@ -30,19 +16,10 @@ class FrameProgress:
     """
 
     def __init__(self, total: int, *, done: int = 0, what: str = "frames") -> None:
-        console = Console(stderr=True)
+        from pseudolidar.running.progress_bars import frame_bar
+
         self._skipped = 0
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            _Rate(),
-            TimeRemainingColumn(),
-            TextColumn("{task.fields[skipped]}"),
-            console=console,
-            disable=not console.is_terminal,
-            transient=True,
-        )
+        self._progress = frame_bar()
         self._task = self._progress.add_task(what, total=total, completed=done, skipped="")
 
     def __enter__(self) -> Self:
@@ -76,17 +53,9 @@ class ByteProgress:
     """
 
     def __init__(self, total: int, what: str) -> None:
-        console = Console(stderr=True)
-        self._progress = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            DownloadColumn(),
-            TransferSpeedColumn(),
-            TimeRemainingColumn(),
-            console=console,
-            disable=not console.is_terminal,
-            transient=True,
-        )
+        from pseudolidar.running.progress_bars import byte_bar
+
+        self._progress = byte_bar()
         self._task = self._progress.add_task(what, total=total)
 
     def __enter__(self) -> Self:
@@ -105,11 +74,3 @@ class ByteProgress:
         """The work has come to this byte."""
         if not self._progress.disable:
             self._progress.update(self._task, completed=position)
-
-
-class _Rate(ProgressColumn):
-    """Frames per second of this run."""
-
-    def render(self, task: Task) -> Text:
-        """`12.3/s`, or nothing before it is known."""
-        return Text(f"{task.speed:.1f}/s" if task.speed else "")

@@ -5,10 +5,6 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable, Sequence
 
-from rich import box
-from rich.console import Console
-from rich.table import Table
-
 # Columns where no terminal wraps lines: programs that read a table want whole rows.
 _UNLIMITED = 1000
 
@@ -20,6 +16,10 @@ def table_text(rows: Iterable[Sequence[str]], *, header: Sequence[str] = ()) -> 
         rows: texts, one sequence a row, all of one length.
         header: names of the columns, if they need any.
     """
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
     terminal = Console()
     console = Console(
         file=io.StringIO(), width=terminal.width if terminal.is_terminal else _UNLIMITED

@@ -13,7 +13,6 @@ from pseudolidar.structures.arrays import AnyArray
 SKY, NEAR, FLYING, FAR, SPECKLE, ISOLATED = range(1, 7)
 # Half width of the window that shows whether there is a depth edge, px.
 EDGE_REACH = 3
-EDGE_WINDOW = (2 * EDGE_REACH + 1) ** 2
 # Share of the window that has a disparity where there is no edge: matchers leave holes beside one.
 WHOLE_SHARE = 0.95
 # The nearer side of an edge is what matchers are surer of: its error may be so many times as large;

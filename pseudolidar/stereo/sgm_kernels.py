@@ -27,7 +27,6 @@ from numba.extending import intrinsic
 from pseudolidar.structures.arrays import AnyArray
 
 LARGEST_COST = 32  # bits of the census descriptor
-LARGEST_PENALTY = 127 - LARGEST_COST
 LANES = 32  # bins in one vector; the number of bins is a multiple of it
 AGREED, UNIQUE = 1, 2  # verdict on a pixel: both eyes agree; and the winner is unique besides
 GUARD = 64  # bytes of 255 around the path costs of a pixel, so that bins -1 and D never win

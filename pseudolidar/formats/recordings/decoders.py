@@ -46,7 +46,6 @@ KINDS: Mapping[str, Kind] = {
     "nav_msgs/Odometry": "pose",
     "rcl_interfaces/Log": "mark",
 }
-_NO_MESSAGE = (DecodeError, ValueError, AttributeError, TypeError, KeyError, struct.error)
 # Key of the stamp in Foxglove's messages, on the wire: field 1, length-delimited.
 _STAMP_KEY = 1 << 3 | 2
 

@@ -31,7 +31,6 @@ _COLOURS = {**_STACKED, **_SINGLE}
 _LEFT = re.compile(r"(^|[^a-z])(left|img_?l|imgl|im_?0|image_?1|img_?1|reference|l)($|[^a-z])")
 _RIGHT = re.compile(r"(^|[^a-z])(right|img_?r|imgr|im_?1|image_?2|img_?2|target|r)($|[^a-z])")
 _HALF = re.compile(r"init|half|dw2|coarse|small|low")
-_FLOW = re.compile(r"flow|disp|init")
 _ITERATIONS = re.compile(r"iter")
 _OTHER_OUTPUT = re.compile(r"secondary|right|conf|occ|low|uncert|prob")
 
