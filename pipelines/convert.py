@@ -13,7 +13,7 @@ from pseudolidar.clouds.ground import Label, Remove
 from pseudolidar.clouds.normals import Normals
 from pseudolidar.clouds.outliers import Lonely
 from pseudolidar.clouds.thin import Density, Uniform, Voxel
-from pseudolidar.clouds.tool import CloudTools
+from pseudolidar.clouds.tool import CloudTools, seen_in
 from pseudolidar.formats.mcap.content import McapContent
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in, placed
@@ -305,7 +305,7 @@ class ConvertFrame:
                 converted = Converted(frame, placed(frame.cloud, frame.tree, self.frame))
             case DepthFrame():
                 cloud = self.reproject.of_depth(frame)
-                cloud = placed(cloud, camera_tree(frame.camera), self.frame)
+                cloud = placed(cloud, camera_tree(frame.camera, frame.pose), self.frame)
                 converted = Converted(frame, cloud, depth=frame.depth)
         return tooled(converted, self.tools)
 
@@ -340,8 +340,9 @@ def tooled(converted: Converted, tools: CloudTools) -> Converted:
             tree = frame_tree(pair.rig, pair.pose)
         case DepthFrame() as picture:
             tree = camera_tree(picture.camera, picture.pose)
+            tree = seen_in(picture.camera.frame, tree)
         case RecordedCloud() as recorded:
-            tree = recorded.tree
+            tree = seen_in(recorded.cloud.frame, recorded.tree)
     cloud, figures = tools(converted.cloud, tree)
     return replace(converted, cloud=cloud, counts={**converted.counts, **figures})
 

@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from pseudolidar.clouds.tool import Tooled, count, kept, origin_of
+from pseudolidar.clouds.tool import SEEN_FROM, Tooled, count, kept, origin_of
 from pseudolidar.errors import CalibrationField, UsageError
 from pseudolidar.geometry.frame_chain import chain
 from pseudolidar.structures.arrays import AnyArray, Bool
@@ -88,13 +88,14 @@ class Box:
         if self.frame is not None and self.frame != cloud.frame:
             T_box_cloud = chain(tree, self.frame, cloud.frame)
             if T_box_cloud is None:
-                known = sorted({name for pose in tree for name in (pose.dst, pose.src)})
+                names = {name for pose in tree for name in (pose.dst, pose.src)}
+                known = sorted(names - {SEEN_FROM})
                 raise CalibrationField(
                     f"no transforms from {cloud.frame!r} to {self.frame!r}",
                     want=f"one of {', '.join(known) or cloud.frame}",
                     where="--crop.frame",
                 )
-            xyz = T_box_cloud.apply(xyz)
+            xyz = T_box_cloud.apply(xyz.astype(np.float64))  # maps may be far away
         inside = cloud.valid
         for axis, interval in zip(xyz.T, (self.x, self.y, self.z), strict=True):
             if interval is not None:
@@ -117,7 +118,7 @@ class Range:
         return self
 
     def __call__(self, cloud: PointCloud, tree: tuple[Pose, ...]) -> Tooled:
-        """The points whose distance from the camera (else the frame's origin) is in it."""
+        """The points whose distance from where they were seen is in it."""
         away = cloud.xyz - origin_of(cloud, tree).astype(cloud.xyz.dtype)
         return _cropped(cloud, self.distance.holds(np.sqrt((away * away).sum(axis=1))))
 

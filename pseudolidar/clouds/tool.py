@@ -16,6 +16,9 @@ from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.pose import Pose
 
 CAMERA, LIDAR = "camera_left", "velodyne"
+# Where a ready-made cloud was seen from, as a frame of its own in the tree: once a cloud stands in
+# `map`, the frame that it came in is not known otherwise.
+SEEN_FROM = "seen_from"
 
 
 class Tooled(NamedTuple):
@@ -85,16 +88,19 @@ def count(cloud: PointCloud) -> int:
 def forward_of(cloud: PointCloud, tree: tuple[Pose, ...]) -> Pose:
     """`T_forward_cloud`: to a frame with x forward, y left, z up; `velodyne` where it is known.
 
-    A cloud whose frame is unknown to the tree is turned where its frame's name is a camera's, and
-    taken as it is otherwise.
+    Where the tree knows neither that nor `base_link` it is the frame that the cloud was seen from,
+    turned if its name is a camera's.
     """
     for name in (LIDAR, BASE_LINK):
         T_name_cloud = chain(tree, name, cloud.frame)
         if T_name_cloud is not None:
             return T_name_cloud
-    if is_optical(cloud.frame):
-        return Pose.from_rotation(BASE_LINK, cloud.frame, R_BODY_OPTICAL, np.zeros(3))
-    return Pose.identity(cloud.frame, cloud.frame)
+    own = next((pose.dst for pose in tree if pose.src == SEEN_FROM), cloud.frame)
+    T_own_cloud = chain(tree, own, cloud.frame) or Pose.identity(cloud.frame, cloud.frame)
+    if not is_optical(T_own_cloud.dst):
+        return T_own_cloud
+    T_forward_own = Pose.from_rotation(BASE_LINK, T_own_cloud.dst, R_BODY_OPTICAL, np.zeros(3))
+    return T_forward_own @ T_own_cloud
 
 
 def camera_of(cloud: PointCloud, tree: tuple[Pose, ...]) -> Pose | None:
@@ -105,6 +111,14 @@ def camera_of(cloud: PointCloud, tree: tuple[Pose, ...]) -> Pose | None:
 
 
 def origin_of(cloud: PointCloud, tree: tuple[Pose, ...]) -> Float64:
-    """(3,) where the cloud was seen from, in its frame: its camera, else the frame's origin."""
-    camera = camera_of(cloud, tree)
-    return np.zeros(3) if camera is None else camera.translation_m
+    """(3,) where the cloud was seen from, in its frame.
+
+    That is its camera, else the sensor that the tree names, else the origin of its frame.
+    """
+    seen_from = camera_of(cloud, tree) or chain(tree, cloud.frame, SEEN_FROM)
+    return np.zeros(3) if seen_from is None else seen_from.translation_m
+
+
+def seen_in(frame: str, tree: Iterable[Pose]) -> tuple[Pose, ...]:
+    """The tree that says as well that a cloud was seen from the origin of `frame`."""
+    return (*tree, Pose.identity(frame, SEEN_FROM))

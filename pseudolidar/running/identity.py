@@ -87,10 +87,11 @@ def calibration_text(source: FrameSequence[Frame]) -> str:
 
 
 def source_name(source: FrameSequence[Frame]) -> str:
-    """Short name of a source, fit for a file: the last part of its path."""
+    """Short name of a source, fit for a recording: the last part of its path."""
     path = source.summary.path
     last = Path(path).resolve().name if Path(path).exists() else path.rpartition("/")[2]
-    return _UNFIT_FOR_A_NAME.sub("-", last.rpartition(":")[2]).strip(".-") or source.summary.kind
+    name = last.rpartition(":")[2].removesuffix(".mcap")
+    return _UNFIT_FOR_A_NAME.sub("-", name).strip(".-") or source.summary.kind
 
 
 def prologue(job: Any, source: FrameSequence[Frame]) -> McapProlog:

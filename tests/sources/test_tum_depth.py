@@ -121,6 +121,22 @@ def test_tum_is_paired_by_time_and_never_by_position(
         TumDepth(str(tmp_path), tolerance_s=0.002).open()
 
 
+def test_clouds_in_the_map_lie_where_the_poses_say(
+    frames: list[StereoFrame], tmp_path: Path
+) -> None:
+    folder = tum(tmp_path / "in", frames)
+    whole = TumDepth(str(folder)).open().load(1)
+    assert isinstance(whole, DepthFrame)
+    run(Convert(TumDepth(str(folder)), tmp_path / "out", frame="map", workers=1))
+    cloud = read_pcd(tmp_path / "out" / "pcd" / f"{whole.id}.pcd")
+    assert cloud.frame == "map"
+    assert frames[2].pose is not None
+    T_map_camera = frames[2].pose.matrix @ left_in_base_link(frames[2].rig).matrix
+    points = Reproject().load().of_depth(whole).xyz.astype(np.float64)
+    want = points @ T_map_camera[:3, :3].T + T_map_camera[:3, 3]
+    np.testing.assert_allclose(cloud.xyz, want, atol=1e-4)
+
+
 def test_associations_may_have_depth_first(frames: list[StereoFrame], tmp_path: Path) -> None:
     folder = tum(tmp_path, frames)
     a, b = stamp(frames[2]), stamp(frames[2], 4_000_000)
