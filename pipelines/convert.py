@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from pseudolidar.clouds.beams import BeamCount, Beams
 from pseudolidar.clouds.crop import Box, Range
@@ -13,30 +13,30 @@ from pseudolidar.clouds.ground import Label, Remove
 from pseudolidar.clouds.normals import Normals
 from pseudolidar.clouds.outliers import Lonely
 from pseudolidar.clouds.thin import Density, Uniform, Voxel
-from pseudolidar.clouds.tool import CloudTools, seen_in
+from pseudolidar.clouds.tool import CloudTools
 from pseudolidar.formats.mcap.content import McapContent
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in, placed
 from pseudolidar.geometry.depth import depth_map
-from pseudolidar.geometry.frames import camera_tree, frame_tree
+from pseudolidar.geometry.frames import camera_tree
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.conversion_page import write_conversion_page
+from pseudolidar.running.conversion_report import ConvertReport
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
 from pseudolidar.running.frame_checks import MIN_DENSITY, check_pair, check_texture, scale_notes
 from pseudolidar.running.given import GivenSettings, given_maps
 from pseudolidar.running.products.colmap_model import ColmapModel
-from pseudolidar.running.products.encoders import Converted, encoded
+from pseudolidar.running.products.converted import Converted
+from pseudolidar.running.products.encoders import FrameEncoder
 from pseudolidar.running.products.kitti_tree import KittiTree
-from pseudolidar.running.products.outputs import Outputs, folder_of
+from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.running.products.preview import PREVIEW_NAME, Preview, PreviewArtist, write_preview
 from pseudolidar.running.products.product import Product
 from pseudolidar.running.products.recording import RecordingPlan
 from pseudolidar.running.products.trees import Trees
 from pseudolidar.running.rehearsal import Rehearsal, fitting, rehearse
-from pseudolidar.running.removed import removed_lines
-from pseudolidar.running.results import RunResult
 from pseudolidar.running.run import Run
 from pseudolidar.running.samples import sampled_frames
 from pseudolidar.running.settings_schema import described
@@ -48,13 +48,12 @@ from pseudolidar.sources.source import FrameSequence, nearest_depth_m, pairs_of
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.clean import Clean, Cleaner
 from pseudolidar.stereo.filled_map import Surfaces
-from pseudolidar.stereo.given_maps import GivenMaps, StoredSteps
+from pseudolidar.stereo.given_maps import StoredSteps
 from pseudolidar.stereo.map_filter import MapFilters
 from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.stereo.sgbm import Bm, Sgbm
-from pseudolidar.stereo.sightings import Sightings
 from pseudolidar.stereo.smoothed_map import Fgs
 from pseudolidar.stereo.temporal import Kalman
 from pseudolidar.structures.frame import StereoFrame
@@ -148,7 +147,6 @@ class Convert:
     normals: bool = False
     beams: BeamCount | None = None
     thin: Voxel | Uniform | Density | None = None
-    # Unpacked: lz4 takes longer than encoding all the rest of a frame, and saves 10 % of the bytes.
     mcap: McapContent = field(default_factory=McapContent)
     kitti: KittiTree = field(default_factory=KittiTree)
     colmap: ColmapModel = field(default_factory=ColmapModel)
@@ -194,7 +192,8 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
     per_frame = ConvertFrame.of(job, source)
     if job.dry_run:
         return rehearse(source, per_frame, folder=job.out, crew=job.crew).checked()
-    recording, trees = RecordingPlan.of(job, source, wanted=job.to.recording), per_frame.trees
+    recording = RecordingPlan.of(job, source, wanted=job.to.recording)
+    trees = per_frame.encode.trees
     products = (*recording.names, *trees.products, *([PREVIEW_NAME] if job.video else []))
     with (
         Run.open(job.out, job, source, products=products) as run,
@@ -223,27 +222,21 @@ class ConvertFrame:
         matcher: pair to disparity.
         clean: disparity without what is no surface.
         refine: disparity to a smoother or denser one.
+        least_density: share of pixels that must have a disparity: given maps may be sparse.
         reproject: disparity to points.
         frame: coordinate frame of the clouds, None for the usual one of what a frame knows.
         tools: what is done to clouds in that frame.
-        outputs: what is encoded.
-        content: what the recording holds.
-        trees: layouts of other tools.
-        sampled: ids of the frames that the report shows.
-        artist: draws frames for the preview, where there is to be one.
+        encode: all that to the bytes of files and recording.
     """
 
     matcher: StereoMatcher
     clean: Cleaner
     refine: MapFilters
+    least_density: float
     reproject: Reprojector
     frame: CloudFrame | None
     tools: CloudTools
-    outputs: Outputs
-    content: McapContent
-    trees: Trees
-    sampled: frozenset[str]
-    artist: PreviewArtist | None = None
+    encode: FrameEncoder
 
     @classmethod
     def of(cls, job: Convert, source: FrameSequence[Frame]) -> ConvertFrame:
@@ -252,7 +245,7 @@ class ConvertFrame:
         Raises:
             CalibrationField: the rig does not say where the wanted frame is.
         """
-        if source.rig is not None:
+        if source.rig is not None:  # a wrong --frame ends the run here, and not at each frame
             left_in(source.rig, job.frame or default_frame(source.rig))
         nearest_m = nearest_depth_m(job.min_depth, source)
         given = given_maps(job.given, source)
@@ -267,14 +260,13 @@ class ConvertFrame:
         beams = None if job.beams is None else Beams(job.beams)
         tools = CloudTools.load(job.outliers, job.ground, job.crop, normals, beams, job.thin)
         trees = Trees.of(job.to.trees, job.kitti, job.colmap, source)
-        shown = sampled_frames(source.ids)
-        plain = cls(
-            matcher, clean, refine, reproject, job.frame, tools, job.to, job.mcap, trees, shown
-        )
+        encode = FrameEncoder(job.to, job.mcap, trees, sampled_frames(source.ids))
+        least = 0.0 if given else MIN_DENSITY
+        plain = cls(matcher, clean, refine, least, reproject, job.frame, tools, encode)
         if not job.video:
             return plain
         artist = PreviewArtist.of(job.preview, source, plain.converted, crew=job.crew)
-        return replace(plain, artist=artist)
+        return replace(plain, encode=replace(encode, artist=artist))
 
     def __call__(self, frame: Frame) -> Product:
         """Convert and encode.
@@ -282,14 +274,7 @@ class ConvertFrame:
         Raises:
             PseudolidarError: as `converted`.
         """
-        return encoded(
-            self.converted(frame),
-            self.outputs,
-            self.content,
-            self.trees,
-            sampled=frame.id in self.sampled,
-            artist=self.artist,
-        )
+        return self.encode(self.converted(frame))
 
     def converted(self, frame: Frame) -> Converted:
         """Match and reproject a pair, reproject depth, take a cloud as it is.
@@ -307,14 +292,7 @@ class ConvertFrame:
                 cloud = self.reproject.of_depth(frame)
                 cloud = placed(cloud, camera_tree(frame.camera, frame.pose), self.frame)
                 converted = Converted(frame, cloud, depth=frame.depth)
-        return tooled(converted, self.tools)
-
-    @property
-    def least_density(self) -> float:
-        """Share of pixels that must have a disparity: given maps may be sparse."""
-        matcher = self.matcher
-        inner = matcher.matcher if isinstance(matcher, Sightings) else matcher
-        return 0.0 if isinstance(inner, GivenMaps) else MIN_DENSITY
+        return converted.tooled(self.tools)
 
     def pair(self, frame: StereoFrame) -> Converted:
         """Match, refine, clean, reproject."""
@@ -326,33 +304,18 @@ class ConvertFrame:
         disparity = cleaned.disparity
         depth = depth_map(disparity, frame.rig)
         frame = replace(frame, notes=(*frame.notes, *scale_notes(frame, disparity, depth)))
-        cloud = self.reproject(frame, disparity)
-        placed = cloud.transformed(left_in(frame.rig, self.frame or default_frame(frame.rig)))
-        return Converted(
-            frame, placed, disparity, depth, {**counts, **cleaned.counts}, cleaned.reason
-        )
-
-
-def tooled(converted: Converted, tools: CloudTools) -> Converted:
-    """The frame with what `tools` make of its cloud; they see what is known about frames."""
-    match converted.frame:
-        case StereoFrame() as pair:
-            tree = frame_tree(pair.rig, pair.pose)
-        case DepthFrame() as picture:
-            tree = camera_tree(picture.camera, picture.pose)
-            tree = seen_in(picture.camera.frame, tree)
-        case RecordedCloud() as recorded:
-            tree = seen_in(recorded.cloud.frame, recorded.tree)
-    cloud, figures = tools(converted.cloud, tree)
-    return replace(converted, cloud=cloud, counts={**converted.counts, **figures})
+        T_frame_left = left_in(frame.rig, self.frame or default_frame(frame.rig))
+        cloud = self.reproject(frame, disparity).transformed(T_frame_left)
+        counts = {**counts, **cleaned.counts}
+        return Converted(frame, cloud, disparity, depth, counts, cleaned.reason)
 
 
 def opened(job: Convert) -> FrameSequence[Frame]:
     """The source with the selection and the rig that the job asks for."""
-    whole = opened_with_rig(
+    every = opened_with_rig(
         job.source, job.rig, scale_calibration=job.scale_calibration, unit=job.rig_unit
     )
-    source = select(whole, job.frames, job.exclude)
+    source = select(every, job.frames, job.exclude)
     for line in (source.summary.line, *source.summary.notes):
         _log.info(line)
     for name in source.summary.absent:
@@ -360,45 +323,3 @@ def opened(job: Convert) -> FrameSequence[Frame]:
     if source.yields is StereoFrame:
         _log.info("matcher: %s", job.matched_by)
     return source
-
-
-@dataclass(frozen=True)
-class ConvertReport:
-    """How the conversion went.
-
-    Args:
-        result: frames, figures and times.
-        out: output folder.
-        to: what was written.
-        page: `report.html`.
-    """
-
-    result: RunResult
-    out: Path
-    to: Outputs
-    page: Path
-
-    @property
-    def exit_code(self) -> int:
-        """0 all done, 4 some frames skipped, 130 or 143 stopped."""
-        return self.result.exit_code
-
-    def as_dict(self) -> dict[str, Any]:
-        """Counts, figures, times and where the results are."""
-        where = {"out": str(self.out), "page": str(self.page)}
-        return {**self.result.as_dict(), **where, "to": list(self.to.kinds)}
-
-    def text(self) -> str:
-        """The same for people, and what to open."""
-        figures = self.result.figures
-        lines = [self.result.text()]
-        if figures:
-            matched = ""
-            if "density" in figures:
-                matched = f", {figures['density']['mean']:.1%} of the pixels matched"
-            lines.append(f"  {figures['points']['mean']:.0f} points a frame{matched}")
-            lines += [f"  {line}" for line in removed_lines(figures)]
-        opens = [self.out / folder_of(kind) for kind in (*self.to.files, *self.to.trees)]
-        opens += sorted(self.out.glob("*.mcap")) if self.to.recording else []
-        opens += [path for path in (self.out / PREVIEW_NAME, self.page) if path.exists()]
-        return "\n".join([*lines, *(f"  {path}" for path in opens)])

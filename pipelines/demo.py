@@ -7,12 +7,10 @@ from pathlib import Path
 from typing import Annotated
 
 # The package path of pipelines/ is made at run time; mypy checks the file itself.
-from pseudolidar.pipelines.convert import (  # type: ignore[import-untyped]
-    Convert,
-    ConvertReport,
-)
+from pseudolidar.pipelines.convert import Convert  # type: ignore[import-untyped]
 from pseudolidar.pipelines.convert import run as convert
 
+from pseudolidar.running.conversion_report import ConvertReport
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME
 from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.running.rehearsal import Rehearsal
@@ -41,7 +39,7 @@ class Demo:
 
 def run(job: Demo) -> ConvertReport | Rehearsal:
     """The conversion with the settings that show most."""
-    return convert(
+    report: ConvertReport | Rehearsal = convert(
         Convert(
             source=Synthetic(job.world, frames=job.frames),
             out=job.out,
@@ -49,3 +47,4 @@ def run(job: Demo) -> ConvertReport | Rehearsal:
             overwrite=job.overwrite,
         )
     )
+    return report

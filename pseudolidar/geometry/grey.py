@@ -6,7 +6,8 @@ import numpy as np
 
 from pseudolidar.structures.arrays import AnyArray, Image, UInt8
 
-# ITU-R BT.601 luma in 14-bit fixed point, the weights of OpenCV's RGB2GRAY.
+# ITU-R BT.601 luma of R, G, B, the weights of OpenCV's RGB2GRAY; and in 14-bit fixed point.
+LUMA = np.array([0.299, 0.587, 0.114])
 _RED, _GREEN, _BLUE, _BITS = 4899, 9617, 1868, 14
 
 

@@ -9,7 +9,8 @@ from pseudolidar.errors import OutputError, StructureError, UsageError, printabl
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.running.folder import check_usable
-from pseudolidar.running.products.encoders import ENCODERS, Converted, losses_in_bin
+from pseudolidar.running.products.converted import Converted
+from pseudolidar.running.products.encoders import ENCODERS, losses_in_bin
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.recorded import RecordedCloud
 

@@ -5,14 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from pseudolidar.errors import MapEmpty, StereoConfig
-from pseudolidar.geometry.grey import shift_to_8_bits
-from pseudolidar.stereo.reproject import LUMA, Reproject
+from pseudolidar.geometry.grey import LUMA, shift_to_8_bits
 from pseudolidar.structures.arrays import Bool, Float32, Float64, UInt8
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.recorded import DepthFrame
 
 
-def points_of_depth(frame: DepthFrame, settings: Reproject) -> PointCloud:
+def points_of_depth(
+    frame: DepthFrame,
+    gates: Float64,
+    *,
+    sigma_rel: float | None = None,
+    organised: bool = False,
+    voxel_m: float | None = None,
+) -> PointCloud:
     """The pixels of a depth picture as points in the frame of its camera.
 
     X = (u - cx - s Y') Z / fx, Y = (v - cy) Z / fy, with Z the depth along the optical axis, not
@@ -20,7 +26,10 @@ def points_of_depth(frame: DepthFrame, settings: Reproject) -> PointCloud:
 
     Args:
         frame: picture with the depth of its pixels; its colours are the points'.
-        settings: gates, thinning, and the error of depths that come without one.
+        gates: (6,) limits as `stereo.reproject.Reproject.gates`.
+        sigma_rel: error (68 %) of depths that come without one, as a share of the depth.
+        organised: keep every pixel at its place, NaN where there is no point.
+        voxel_m: keep one point, the surest, of each cube with this edge.
 
     Returns:
         Points in row-major pixel order, with `uv`; `sigma_m` along the ray where it is known.
@@ -40,9 +49,9 @@ def points_of_depth(frame: DepthFrame, settings: Reproject) -> PointCloud:
             where=f"frame {frame.id}",
         )
     sigma_z = depth.sigma
-    if sigma_z is None and settings.depth_sigma_rel is not None:
-        sigma_z = depth.values * np.float32(settings.depth_sigma_rel)
-    if sigma_z is None and np.isfinite(settings.gates[4:]).any():
+    if sigma_z is None and sigma_rel is not None:
+        sigma_z = depth.values * np.float32(sigma_rel)
+    if sigma_z is None and np.isfinite(gates[4:]).any():
         raise StereoConfig(
             "a limit on sigma, but the depth has no sigma",
             fix="Leave out max_sigma_m and max_sigma_rel, or state one by "
@@ -51,8 +60,13 @@ def points_of_depth(frame: DepthFrame, settings: Reproject) -> PointCloud:
     xyz = _xyz(frame)
     range_m = np.sqrt((xyz.astype(np.float64) ** 2).sum(axis=2))
     sigma_m = None if sigma_z is None else (sigma_z * range_m / depth.values).astype(np.float32)
-    kept = depth.valid & _within(range_m, -xyz[..., 1].astype(np.float64), sigma_m, settings)
-    return _cloud(frame, xyz, sigma_m, kept, settings)
+    kept = depth.valid & _within(range_m, -xyz[..., 1].astype(np.float64), sigma_m, gates)
+    cloud = _cloud(frame, xyz, sigma_m, kept, organised=organised)
+    if voxel_m is None:
+        return cloud
+    from pseudolidar.geometry.voxels import best_of_voxel
+
+    return cloud[best_of_voxel(cloud.xyz, cloud.sigma_m, voxel_m=voxel_m)]
 
 
 def _xyz(frame: DepthFrame) -> Float32:
@@ -65,10 +79,8 @@ def _xyz(frame: DepthFrame) -> Float32:
     return np.stack([x * Z, y * Z, Z], axis=2).astype(np.float32)
 
 
-def _within(
-    range_m: Float64, height_m: Float64, sigma_m: Float32 | None, settings: Reproject
-) -> Bool:
-    near, far, low, high, most_m, most_rel = settings.gates
+def _within(range_m: Float64, height_m: Float64, sigma_m: Float32 | None, gates: Float64) -> Bool:
+    near, far, low, high, most_m, most_rel = gates
     kept = (near <= range_m) & (range_m <= far) & (low <= height_m) & (height_m <= high)
     if sigma_m is not None:
         kept &= (sigma_m <= most_m) & (sigma_m <= most_rel * range_m)
@@ -76,16 +88,16 @@ def _within(
 
 
 def _cloud(
-    frame: DepthFrame, xyz: Float32, sigma_m: Float32 | None, kept: Bool, settings: Reproject
+    frame: DepthFrame, xyz: Float32, sigma_m: Float32 | None, kept: Bool, *, organised: bool
 ) -> PointCloud:
-    shape = kept.shape if settings.organised else None
-    if settings.organised:
+    shape = kept.shape if organised else None
+    if organised:
         xyz = np.where(kept[..., None], xyz, np.float32(np.nan))
         sigma_m = None if sigma_m is None else np.where(kept, sigma_m, np.float32(np.nan))
         kept = np.ones_like(kept)
     rows, columns = np.nonzero(kept)
     rgb, intensity = _colours(frame)
-    cloud = PointCloud(
+    return PointCloud(
         xyz=xyz[kept],
         frame=frame.camera.frame,
         timestamp_ns=frame.timestamp_ns,
@@ -95,11 +107,6 @@ def _cloud(
         uv=np.stack([columns, rows], axis=1).astype(np.float32),
         shape=None if shape is None else (shape[0], shape[1]),
     )
-    if settings.voxel_m is None:
-        return cloud
-    from pseudolidar.geometry.voxels import best_of_voxel
-
-    return cloud[best_of_voxel(cloud.xyz, cloud.sigma_m, voxel_m=settings.voxel_m)]
 
 
 def _colours(frame: DepthFrame) -> tuple[UInt8 | None, Float32]:

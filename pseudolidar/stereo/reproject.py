@@ -9,8 +9,9 @@ from typing import Literal
 import numpy as np
 
 from pseudolidar.errors import StereoConfig, StructureError
-from pseudolidar.geometry.grey import shift_to_8_bits
+from pseudolidar.geometry.grey import LUMA, shift_to_8_bits
 from pseudolidar.geometry.triangulation import forward_offset_m
+from pseudolidar.stereo.depth_points import points_of_depth
 from pseudolidar.structures.arrays import Float32, Float64, UInt8
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.cloud import PointCloud
@@ -20,8 +21,6 @@ from pseudolidar.structures.recorded import DepthFrame
 
 # Range up to which stereo of a car's size is of use, m; at 80 m a KITTI rig has 5 px of disparity.
 MAX_RANGE_M = 80.0
-# ITU-R BT.601 luma of R, G, B, the weights of OpenCV's RGB2GRAY.
-LUMA = np.array([0.299, 0.587, 0.114])
 
 
 @dataclass(frozen=True)
@@ -139,9 +138,13 @@ class Reprojector:
 
     def of_depth(self, frame: DepthFrame) -> PointCloud:
         """Points of ready-made depth, in the frame of its camera; as `points_of_depth`."""
-        from pseudolidar.stereo.depth_points import points_of_depth
-
-        return points_of_depth(frame, self.settings)
+        return points_of_depth(
+            frame,
+            self.settings.gates,
+            sigma_rel=self.settings.depth_sigma_rel,
+            organised=self.settings.organised,
+            voxel_m=self.settings.voxel_m,
+        )
 
 
 def _cloud(frame: StereoFrame, disparity: DisparityMap, settings: Reproject) -> PointCloud:

@@ -74,7 +74,8 @@ def cpu_seconds_alone(drive: Path, out: Path) -> float:
     job = Convert(source=recognise(str(drive)), out=out, to=Outputs.parse(TO))
     source = opened(job)
     per_frame = ConvertFrame.of(job, source)
-    unsampled = [i for i, name in enumerate(source.ids) if name not in per_frame.sampled][:10]
+    sampled = per_frame.encode.sampled
+    unsampled = [i for i, name in enumerate(source.ids) if name not in sampled][:10]
     per_frame(source.load(0))
     rounds = []
     for _ in range(ALONE_ROUNDS):

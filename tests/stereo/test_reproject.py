@@ -5,8 +5,9 @@ import pytest
 
 from pseudolidar.errors import StereoConfig, StructureError
 from pseudolidar.geometry import triangulation
+from pseudolidar.geometry.grey import LUMA
 from pseudolidar.geometry.projection import project
-from pseudolidar.stereo.reproject import LUMA, Reproject
+from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.structures.camera import Camera, DisparityCorrection, StereoRig
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame

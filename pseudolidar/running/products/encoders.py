@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -16,18 +16,17 @@ from pseudolidar.formats.points.npz import encode_npz
 from pseudolidar.formats.points.pcd import encode_pcd
 from pseudolidar.formats.points.ply import encode_ply
 from pseudolidar.formats.points.velodyne_bin import LARGEST_COORDINATE_M, encode_velodyne_bin
-from pseudolidar.geometry.cloud_frames import forward_frame, left_in, turned_forward
+from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.products.outputs import Outputs, file_name
 from pseudolidar.running.products.preview import PreviewArtist, preview_name
 from pseudolidar.running.products.product import Product
 from pseudolidar.running.products.trees import Trees
 from pseudolidar.running.record import OutputFile
 from pseudolidar.running.samples import FrameSample, sample_name
-from pseudolidar.structures.arrays import UInt8
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
-from pseudolidar.structures.frame import LidarScan, StereoFrame
-from pseudolidar.structures.recorded import Frame, RecordedCloud
+from pseudolidar.structures.frame import LidarScan
+from pseudolidar.structures.recorded import RecordedCloud
 
 if TYPE_CHECKING:
     from pseudolidar.formats.mcap.frame import FramePart
@@ -38,35 +37,6 @@ DEPTH_BIN_M, DEPTH_BINS = 10.0, 9
 SIGMA_STEP = 16
 
 KnownMap = TypeVar("KnownMap", DisparityMap, DepthMap)
-
-
-@dataclass(frozen=True, eq=False)
-class Converted:
-    """What a frame has become.
-
-    Args:
-        frame: as its source had it.
-        cloud: points in the frame that clouds are handed over in.
-        disparity: of the left image of a pair.
-        depth: of the left image, or of the only one.
-        counts: what filters and tools did, by name, for the report.
-        removed: (H, W) why cleaning removed a pixel, as `stereo.clean.Cleaned.reason`.
-    """
-
-    frame: Frame
-    cloud: PointCloud
-    disparity: DisparityMap | None = None
-    depth: DepthMap | None = None
-    counts: Mapping[str, float] = field(default_factory=dict)
-    removed: UInt8 | None = None
-
-    @property
-    def forward_cloud(self) -> PointCloud:
-        """The cloud with x forward, for formats that mean nothing else."""
-        if isinstance(self.frame, StereoFrame) and self.cloud.frame == self.frame.rig.left.frame:
-            rig = self.frame.rig
-            return self.cloud.transformed(left_in(rig, forward_frame(rig, "camera_left")))
-        return turned_forward(self.cloud)
 
 
 ENCODERS: Mapping[str, Callable[[Converted], bytes]] = {
@@ -82,41 +52,42 @@ ENCODERS: Mapping[str, Callable[[Converted], bytes]] = {
 }
 
 
-def encoded(
-    converted: Converted,
-    outputs: Outputs,
-    content: McapContent,
-    trees: Trees,
-    *,
-    sampled: bool,
-    artist: PreviewArtist | None = None,
-) -> Product:
-    """Everything that will be written of a frame.
+@dataclass(frozen=True)
+class FrameEncoder:
+    """Encodes everything that will be written of a frame: pure, picklable.
 
     Args:
-        converted: the frame.
         outputs: which files, and whether a recording.
         content: what the recording holds.
         trees: layouts of other tools.
-        sampled: whether the frame is one that the report shows.
-        artist: draws it for the preview, where there is to be one.
+        sampled: ids of the frames that the report shows.
+        artist: draws frames for the preview, where there is to be one.
     """
-    frame = converted.frame
-    files = [
-        OutputFile.of(file_name(kind, frame.id), ENCODERS[kind](converted))
-        for kind in outputs.files
-    ]
-    files += trees.files(frame, converted.cloud)
-    if sampled:
-        sample = FrameSample.of(
-            frame, converted.disparity, converted.forward_cloud, removed=converted.removed
-        )
-        files.append(OutputFile.of(sample_name(frame.id), sample.encode()))
-    if artist is not None:
-        files.append(OutputFile.of(preview_name(frame.id), artist.draw(converted)))
-    parts = packed(converted, content) if outputs.recording else {}
-    notes = losses_in_bin(converted) if "bin" in outputs.files else ()
-    return Product(tuple(files), parts, figures(converted, notes))
+
+    outputs: Outputs
+    content: McapContent
+    trees: Trees
+    sampled: frozenset[str]
+    artist: PreviewArtist | None = None
+
+    def __call__(self, converted: Converted) -> Product:
+        """Bytes of files and of the recording's parts, and figures for the report."""
+        frame = converted.frame
+        files = [
+            OutputFile.of(file_name(kind, frame.id), ENCODERS[kind](converted))
+            for kind in self.outputs.files
+        ]
+        files += self.trees.files(frame, converted.cloud)
+        if frame.id in self.sampled:
+            sample = FrameSample.of(
+                frame, converted.disparity, converted.forward_cloud, removed=converted.removed
+            )
+            files.append(OutputFile.of(sample_name(frame.id), sample.encode()))
+        if self.artist is not None:
+            files.append(OutputFile.of(preview_name(frame.id), self.artist.draw(converted)))
+        parts = packed(converted, self.content) if self.outputs.recording else {}
+        notes = losses_in_bin(converted) if "bin" in self.outputs.files else ()
+        return Product(tuple(files), parts, figures(converted, notes))
 
 
 def packed(converted: Converted, content: McapContent) -> dict[str, FramePart]:

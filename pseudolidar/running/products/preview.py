@@ -23,6 +23,7 @@ from pseudolidar.formats.video.mp4 import TICKS_PER_S, mp4_encoder, write_mp4
 from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.folder import inside
+from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.samples import photo_of
 from pseudolidar.running.stream import stream
@@ -31,7 +32,6 @@ from pseudolidar.structures.arrays import Float32, UInt8
 from pseudolidar.structures.recorded import Frame
 
 if TYPE_CHECKING:
-    from pseudolidar.running.products.encoders import Converted
     from pseudolidar.running.run import Run
 
 AnyFrame = TypeVar("AnyFrame", bound=Frame)

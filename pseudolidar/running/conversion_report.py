@@ -1,0 +1,54 @@
+"""How a conversion went: for people, for programs, and what to open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pseudolidar.running.products.outputs import Outputs, folder_of
+from pseudolidar.running.products.preview import PREVIEW_NAME
+from pseudolidar.running.removed import removed_lines
+from pseudolidar.running.results import RunResult
+
+
+@dataclass(frozen=True)
+class ConvertReport:
+    """How the conversion went.
+
+    Args:
+        result: frames, figures and times.
+        out: output folder.
+        to: what was written.
+        page: `report.html`.
+    """
+
+    result: RunResult
+    out: Path
+    to: Outputs
+    page: Path
+
+    @property
+    def exit_code(self) -> int:
+        """0 all done, 4 some frames skipped, 130 or 143 stopped."""
+        return self.result.exit_code
+
+    def as_dict(self) -> dict[str, Any]:
+        """Counts, figures, times and where the results are."""
+        where = {"out": str(self.out), "page": str(self.page)}
+        return {**self.result.as_dict(), **where, "to": list(self.to.kinds)}
+
+    def text(self) -> str:
+        """The same for people, and what to open."""
+        figures = self.result.figures
+        lines = [self.result.text()]
+        if figures:
+            matched = ""
+            if "density" in figures:
+                matched = f", {figures['density']['mean']:.1%} of the pixels matched"
+            lines.append(f"  {figures['points']['mean']:.0f} points a frame{matched}")
+            lines += [f"  {line}" for line in removed_lines(figures)]
+        opens = [self.out / folder_of(kind) for kind in (*self.to.files, *self.to.trees)]
+        opens += sorted(self.out.glob("*.mcap")) if self.to.recording else []
+        opens += [path for path in (self.out / PREVIEW_NAME, self.page) if path.exists()]
+        return "\n".join([*lines, *(f"  {path}" for path in opens)])
