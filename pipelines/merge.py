@@ -7,7 +7,7 @@ import logging
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -15,17 +15,17 @@ from pseudolidar.clouds.crop import Box, Range
 from pseudolidar.clouds.merge import Joined, column_names
 from pseudolidar.clouds.thin import Voxel
 from pseudolidar.clouds.tool import CloudTools, count
-from pseudolidar.errors import ALL_DONE, SOME_SKIPPED, CalibrationField, SourceEmpty, UsageError
+from pseudolidar.errors import CalibrationField, SourceEmpty, UsageError
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.cloud_frames import CloudFrame, carried, common_frame
 from pseudolidar.geometry.frame_chain import ancestors, chain
-from pseudolidar.geometry.frames import MAP, ODOM
 from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.memory import check_memory
-from pseudolidar.running.one_cloud import check_apart, check_place, skipped_lines, write_cloud
+from pseudolidar.running.merge_report import MergeReport, Part
+from pseudolidar.running.one_cloud import check_apart, check_place, write_cloud
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.cloud_files import CloudFileSource
@@ -33,7 +33,6 @@ from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.sources.selection import FrameSelection, select, whole
 from pseudolidar.sources.source import FrameSequence, clouds_of, evenly_loaded
-from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.recorded import RecordedCloud
 
@@ -42,10 +41,6 @@ _log = logging.getLogger(__name__)
 Origin = Literal["frame_index", "time_s", "none"]
 # Frames that are looked at to find the frame that all of them reach.
 LOOKED_AT = 16
-# A sensor whose places all lie this near to one another stands still.
-STILL_M = 0.01
-# Frames that do not move with a sensor, by REP-105.
-FIXED_FRAMES = (MAP, ODOM, "earth", "world")
 
 
 @dataclass(frozen=True)
@@ -112,14 +107,17 @@ def run(job: Merge) -> MergeReport:
     outcomes = stream(source, per_frame, crew=CrewPlan(job.workers))
     total = len(source.ids)
     with FrameProgress(total) as progress:
-        for frame in good_frames(
-            outcomes, frames=total, on_error=job.on_error, skipped=skipped.append
-        ):
+
+        def skip(frame: Skipped) -> None:
+            skipped.append(frame)
+            progress.skip()
+
+        for frame in good_frames(outcomes, frames=total, on_error=job.on_error, skipped=skip):
             part, cloud = frame.value
             joined.add(cloud)
             parts.append(part)
-            if job.voxel is None:
-                check_memory(joined.nbytes * total // len(parts), held=joined.nbytes)
+            times_as_many = total / len(parts) if job.voxel is None else 1
+            check_memory(round(joined.nbytes * times_as_many), held=joined.nbytes)
             progress.advance()
     cloud, lost = joined.taken()
     notes = [f"not in all frames, left out: {', '.join(lost)}"] if lost else []
@@ -145,7 +143,8 @@ def opened(job: Merge) -> FrameSequence[RecordedCloud]:
         UsageError: OUT lies among them.
     """
     settings, source = job.source, job.source.open()
-    if isinstance(settings, Recording) and source.yields is not RecordedCloud:
+    pairs_taken = source.yields is not RecordedCloud
+    if pairs_taken and isinstance(settings, Recording) and settings.take == "auto":
         with contextlib.suppress(SourceEmpty):
             source = replace(settings, take="clouds").open()
     if isinstance(source, CloudFileSource):
@@ -154,31 +153,6 @@ def opened(job: Merge) -> FrameSequence[RecordedCloud]:
     for line in (clouds.summary.line, *clouds.summary.notes):
         _log.info(line)
     return clouds
-
-
-@dataclass(frozen=True, eq=False)
-class Part:
-    """What a frame gives to the joined cloud.
-
-    Args:
-        id: the source's name of the frame.
-        index: its position in the source.
-        timestamp_ns: time of the cloud.
-        own_frame: coordinate frame that it was in.
-        origin_m: (3,) where that frame's origin is.
-        points: how many it has.
-        joined: how many of them are handed over.
-        replaced: whether it had a column of the name that ours has.
-    """
-
-    id: str
-    index: int
-    timestamp_ns: int
-    own_frame: str
-    origin_m: Float64
-    points: int
-    joined: int
-    replaced: bool
 
 
 @dataclass(frozen=True)
@@ -269,93 +243,3 @@ def found_frame(source: FrameSequence[RecordedCloud]) -> CloudFrame:
             path=source.summary.path,
         )
     return found
-
-
-@dataclass(frozen=True, eq=False)
-class MergeReport:
-    """What was joined.
-
-    Args:
-        out: the file.
-        frame: the common frame.
-        parts: the frames, without their clouds.
-        skipped: frames that were left out, with the reason.
-        points: points of the file.
-        columns: their columns.
-        notes: what was lost.
-    """
-
-    out: Path
-    frame: CloudFrame
-    parts: tuple[Part, ...]
-    skipped: tuple[Skipped, ...]
-    points: int
-    columns: tuple[str, ...]
-    notes: tuple[str, ...]
-
-    @property
-    def exit_code(self) -> int:
-        """0 all frames are in it, 4 some were skipped."""
-        return SOME_SKIPPED if self.skipped else ALL_DONE
-
-    @property
-    def path_m(self) -> float:
-        """How far the clouds' own frame moves in the common one."""
-        places = np.array([part.origin_m for part in self.parts])
-        return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
-
-    @property
-    def poses(self) -> str:
-        """What the common frame is to the clouds."""
-        own = {part.own_frame for part in self.parts}
-        if self.path_m > STILL_M:
-            return f"by the poses of the source, which moves {self.path_m:.1f} m"
-        if own != {self.frame}:
-            return "in which the source stands still, or knows no poses"
-        if self.frame in FIXED_FRAMES:
-            return "in which the clouds were already"
-        return (
-            "their own, as no poses are known (recordings have them): clouds of a moving sensor do "
-            "not lie on one another"
-        )
-
-    def as_dict(self) -> dict[str, Any]:
-        """Counts, the frames in order, and where the file is."""
-        return {
-            "out": str(self.out),
-            "bytes": self.out.stat().st_size,
-            "frame": self.frame,
-            "poses": self.poses,
-            "path_m": round(self.path_m, 4),
-            "points": self.points,
-            "points_of_source": sum(part.points for part in self.parts),
-            "columns": list(self.columns),
-            "notes": list(self.notes),
-            "merged": [
-                {
-                    "id": part.id,
-                    "frame_index": part.index,
-                    "timestamp_ns": part.timestamp_ns,
-                    "points_of_source": part.points,
-                    "points_joined": part.joined,
-                    "origin_m": part.origin_m.round(4).tolist(),
-                }
-                for part in self.parts
-            ],
-            "skipped": [{"id": each.id, **each.error.as_dict()} for each in self.skipped],
-            "exit_code": self.exit_code,
-        }
-
-    def text(self) -> str:
-        """The same for people."""
-        of, total = sum(part.points for part in self.parts), len(self.parts) + len(self.skipped)
-        return "\n".join(
-            [
-                f"{len(self.parts)} of {total} frames, {self.points} of {of} points",
-                *skipped_lines(self.skipped),
-                f"  frame {self.frame}, {self.poses}",
-                f"  columns {', '.join(self.columns)}",
-                *(f"  {note}" for note in self.notes),
-                f"  {self.out}",
-            ]
-        )
