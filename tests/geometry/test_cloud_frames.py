@@ -56,7 +56,7 @@ def tied(*names):
     ("trees", "found"),
     [
         ([tied("map", "odom", "base", "lidar")] * 2, "map"),
-        ([tied("earth", "map", "odom", "lidar"), tied("map", "odom", "lidar")], "map"),
+        ([tied("earth", "map", "odom", "lidar")] * 2, "map"),
         ([tied("world", "odom", "lidar"), tied("odom", "lidar")], "odom"),
         ([tied("world", "odom", "lidar")] * 2, "world"),
         ([tied("map", "lidar"), ()], "lidar"),
