@@ -90,8 +90,8 @@ class MergeReport:
         if self.frame in FIXED_FRAMES:
             return "in which the clouds were already"
         return (
-            "their own, as no poses are known (recordings have them): clouds of a moving sensor do "
-            "not lie on one another"
+            "their own, where clouds of a moving sensor do not lie on one another (recordings have "
+            "poses, files of clouds have none)"
         )
 
     def as_dict(self) -> dict[str, Any]:

@@ -151,7 +151,10 @@ def test_files_have_no_poses_and_that_is_said(
     for frame in named_clouds(["a", "b"]):
         (clouds / f"{frame.id}.ply").write_bytes(encode_ply(frame.cloud))
     assert merge(clouds, tmp_path / "all.ply") == 0
-    assert "frame velodyne, their own, as no poses are known" in capsys.readouterr().out
+    assert (
+        "frame velodyne, their own, where clouds of a moving sensor do not"
+        in capsys.readouterr().out
+    )
     cloud = read_cloud(tmp_path / "all.ply")
     whole = np.concatenate([f.cloud.xyz for f in named_clouds(["a", "b"])])
     np.testing.assert_array_equal(cloud.xyz, whole)
