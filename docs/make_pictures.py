@@ -21,7 +21,7 @@ from pseudolidar.geometry.projection import project
 from pseudolidar.running.removed import removed_picture
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census
-from pseudolidar.stereo.clean import Clean
+from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.structures.arrays import Float64, UInt8
 

@@ -46,16 +46,16 @@ from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select, whole
 from pseudolidar.sources.source import FrameSequence, nearest_depth_m, pairs_of
 from pseudolidar.stereo.census import Census
-from pseudolidar.stereo.clean import Clean, Cleaner
-from pseudolidar.stereo.filled_map import Surfaces
+from pseudolidar.stereo.filters.clean import Clean, Cleaner
+from pseudolidar.stereo.filters.filled_map import Surfaces
+from pseudolidar.stereo.filters.map_filter import MapFilters
+from pseudolidar.stereo.filters.smoothed_map import Fgs
+from pseudolidar.stereo.filters.temporal import Kalman
 from pseudolidar.stereo.given_maps import StoredSteps
-from pseudolidar.stereo.map_filter import MapFilters
 from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.stereo.sgbm import Bm, Sgbm
-from pseudolidar.stereo.smoothed_map import Fgs
-from pseudolidar.stereo.temporal import Kalman
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
 

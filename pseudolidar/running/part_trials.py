@@ -73,12 +73,12 @@ def filters() -> str:
     from pseudolidar.clouds.tool import CloudTools
     from pseudolidar.geometry.frames import frame_tree
     from pseudolidar.geometry.normals import normals_of_neighbours
-    from pseudolidar.stereo.clean import Clean
-    from pseudolidar.stereo.filled_map import Surfaces
-    from pseudolidar.stereo.map_filter import MapFilters
+    from pseudolidar.stereo.filters.clean import Clean
+    from pseudolidar.stereo.filters.filled_map import Surfaces
+    from pseudolidar.stereo.filters.map_filter import MapFilters
+    from pseudolidar.stereo.filters.smoothed_map import Fgs
+    from pseudolidar.stereo.filters.temporal import Kalman
     from pseudolidar.stereo.reproject import Reproject
-    from pseudolidar.stereo.smoothed_map import Fgs
-    from pseudolidar.stereo.temporal import Kalman
     from pseudolidar.structures.disparity import DisparityMap
 
     values = np.full((_HEIGHT, _WIDTH), _SHIFT_PX, np.float32)

@@ -13,7 +13,7 @@ from pseudolidar.structures.arrays import UInt8
 REMOVED = "pixels_removed_"
 # Pixels that cleaning kept.
 KEPT = "pixels_kept_by_cleaning"
-# By reason, in the order of `stereo.clean.REASONS`: words, and the colour in pictures.
+# By reason, in the order of `stereo.filters.clean.REASONS`: words, and the colour in pictures.
 WORDS = {
     "sky": "sky",
     "near_noise": "near-lens noise",

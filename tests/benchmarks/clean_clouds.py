@@ -31,7 +31,7 @@ from pseudolidar.sources.kitti.raw import KittiRaw
 from pseudolidar.sources.kitti.stereo import KittiStereo
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census
-from pseudolidar.stereo.clean import REASONS, Clean
+from pseudolidar.stereo.filters.clean import REASONS, Clean
 from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.structures.arrays import Bool, UInt8
 from pseudolidar.structures.cloud import PointCloud

@@ -31,11 +31,11 @@ from pseudolidar.geometry.frames import frame_tree
 from pseudolidar.geometry.projection import project_scan
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.stereo.census import Census
-from pseudolidar.stereo.filled_map import Surfaces
-from pseudolidar.stereo.filling_kernels import OCCLUSION, SURFACE
+from pseudolidar.stereo.filters.filled_map import Surfaces
+from pseudolidar.stereo.filters.filling_kernels import OCCLUSION, SURFACE
+from pseudolidar.stereo.filters.smoothed_map import Fgs
+from pseudolidar.stereo.filters.temporal import Kalman
 from pseudolidar.stereo.reproject import Reproject
-from pseudolidar.stereo.smoothed_map import Fgs
-from pseudolidar.stereo.temporal import Kalman
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame

@@ -16,9 +16,9 @@ from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.sources.selection import FrameSelection
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census
-from pseudolidar.stereo.filled_map import Surfaces
-from pseudolidar.stereo.smoothed_map import Fgs
-from pseudolidar.stereo.temporal import Kalman
+from pseudolidar.stereo.filters.filled_map import Surfaces
+from pseudolidar.stereo.filters.smoothed_map import Fgs
+from pseudolidar.stereo.filters.temporal import Kalman
 
 WORLD = Synthetic("street", frames=10, width_px=256)
 OF_THE_RUN = {"run.json", "report.json", "report.html", JOURNAL_NAME}

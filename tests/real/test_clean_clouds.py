@@ -17,7 +17,7 @@ from pseudolidar.evaluation.scan_surface import ScanSurface
 from pseudolidar.running.memory import keep_freed_memory
 from pseudolidar.sources.kitti.stereo import KittiStereo
 from pseudolidar.stereo.census import Census
-from pseudolidar.stereo.clean import Clean
+from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame

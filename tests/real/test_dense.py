@@ -8,10 +8,10 @@ import pytest
 from pseudolidar.evaluation.disparity import disparity_errors
 from pseudolidar.sources.kitti.stereo import KittiStereo
 from pseudolidar.stereo.census import Census
-from pseudolidar.stereo.filled_map import Surfaces
-from pseudolidar.stereo.map_filter import MapFilters
+from pseudolidar.stereo.filters.filled_map import Surfaces
+from pseudolidar.stereo.filters.map_filter import MapFilters
+from pseudolidar.stereo.filters.smoothed_map import Fgs
 from pseudolidar.stereo.sgbm import Sgbm
-from pseudolidar.stereo.smoothed_map import Fgs
 from tests.stereo.motorcycle import DISPARITIES, motorcycle
 
 pytestmark = pytest.mark.real

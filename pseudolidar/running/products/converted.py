@@ -27,7 +27,7 @@ class Converted:
         disparity: of the left image of a pair.
         depth: of the left image, or of the only one.
         counts: what filters and tools did, by name, for the report.
-        removed: (H, W) why cleaning removed a pixel, as `stereo.clean.Cleaned.reason`.
+        removed: (H, W) why cleaning removed a pixel, as `stereo.filters.clean.Cleaned.reason`.
     """
 
     frame: Frame

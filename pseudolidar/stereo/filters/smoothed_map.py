@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.errors import StereoConfig
-from pseudolidar.stereo.map_filter import Filtered, picture8, sigma_or_usual
+from pseudolidar.stereo.filters.map_filter import Filtered, picture8, sigma_or_usual
 from pseudolidar.structures.arrays import Bool, Float32
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
@@ -55,7 +55,7 @@ class Fgs:
 
     def load(self) -> FgsFilter:
         """The filter, its kernels compiled or read from the cache."""
-        from pseudolidar.stereo import fgs  # noqa: F401  kernels are made on import
+        from pseudolidar.stereo.filters import fgs  # noqa: F401  kernels are made on import
 
         return FgsFilter(self)
 
@@ -74,7 +74,7 @@ class FgsFilter:
         instead of 95 % lie within the 95 % radius). A map without sigma is trusted evenly and
         stays without.
         """
-        from pseudolidar.stereo.fgs import smooth_surfaces
+        from pseudolidar.stereo.filters.fgs import smooth_surfaces
 
         s, valid = self.settings, disparity.valid
         if not valid.any():

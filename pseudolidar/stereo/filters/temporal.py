@@ -9,9 +9,9 @@ import numpy as np
 from pseudolidar.errors import PoseMissing, PseudolidarError, StereoConfig
 from pseudolidar.geometry.frames import left_in_base_link
 from pseudolidar.geometry.triangulation import corrected_disparity
-from pseudolidar.stereo.map_filter import Filtered, sigma_or_usual
+from pseudolidar.stereo.filters.map_filter import Filtered, sigma_or_usual
+from pseudolidar.stereo.filters.sightings import PairSequence, Sighting, Sightings
 from pseudolidar.stereo.matcher import StereoMatcher
-from pseudolidar.stereo.sightings import PairSequence, Sighting, Sightings
 from pseudolidar.structures.arrays import AnyArray, Bool, Float32, Float64
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.disparity import DisparityMap
@@ -59,7 +59,7 @@ class Kalman:
         Raises:
             PoseMissing: the first frame has no pose.
         """
-        from pseudolidar.stereo import temporal_kernels  # noqa: F401  made on import
+        from pseudolidar.stereo.filters import temporal_kernels  # noqa: F401  made on import
 
         _check_poses(source)
         return TemporalFilter(self, Sightings(matcher, source, self.window))
@@ -115,7 +115,7 @@ class TemporalFilter:
         return Filtered(out, done)
 
     def _fused(self, now: Sighting, earlier: list[Sighting]) -> tuple[DisparityMap, int]:
-        from pseudolidar.stereo.temporal_kernels import gather
+        from pseudolidar.stereo.filters.temporal_kernels import gather
 
         values, sigma = _true(now), sigma_or_usual(now.disparity)
         shape = values.shape
@@ -153,7 +153,7 @@ class TemporalFilter:
 
     def _carried(self, now: Sighting, earlier: list[Sighting]) -> tuple[Float32, Float32]:
         """What earlier frames agree upon in the holes, systematic error taken off."""
-        from pseudolidar.stereo.temporal_kernels import agree, scatter
+        from pseudolidar.stereo.filters.temporal_kernels import agree, scatter
 
         shape = (len(earlier), *now.disparity.values.shape)
         layers, sigmas = np.empty(shape, np.float32), np.empty(shape, np.float32)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.errors import StereoConfig
-from pseudolidar.stereo.map_filter import Filtered, picture8, sigma_or_usual
+from pseudolidar.stereo.filters.map_filter import Filtered, picture8, sigma_or_usual
 from pseudolidar.structures.arrays import AnyArray, Float32, UInt8
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
@@ -46,7 +46,7 @@ class Surfaces:
 
     def load(self) -> SurfaceFilter:
         """The filter, its kernels compiled or read from the cache."""
-        from pseudolidar.stereo import filling_kernels  # noqa: F401  kernels are made on import
+        from pseudolidar.stereo.filters import filling_kernels  # noqa: F401  kernels are made on import
 
         return SurfaceFilter(self)
 
@@ -74,7 +74,7 @@ class SurfaceFilter:
 
     def __call__(self, frame: StereoFrame, disparity: DisparityMap) -> Filtered:
         """Fill the holes that can be; matched pixels stay as they are."""
-        from pseudolidar.stereo.filling_kernels import OCCLUSION, SURFACE
+        from pseudolidar.stereo.filters.filling_kernels import OCCLUSION, SURFACE
 
         filling = self.filling(frame, disparity)
         filled = filling.kind > 0
@@ -90,7 +90,7 @@ class SurfaceFilter:
 
     def filling(self, frame: StereoFrame, disparity: DisparityMap) -> Filling:
         """What fills which hole."""
-        from pseudolidar.stereo import filling_kernels as kernels
+        from pseudolidar.stereo.filters import filling_kernels as kernels
 
         s, rig = self.settings, frame.rig
         values = np.ascontiguousarray(disparity.values)

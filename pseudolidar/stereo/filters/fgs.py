@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from pseudolidar.stereo import fgs_kernels as kernels
+from pseudolidar.stereo.filters import fgs_kernels as kernels
 from pseudolidar.structures.arrays import Float32, UInt8
 
 # Passes over rows and columns, and by how much each smooths less than the one before.

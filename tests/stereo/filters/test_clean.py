@@ -11,9 +11,9 @@ from scipy import ndimage
 
 from pseudolidar.errors import StereoConfig, StructureError
 from pseudolidar.sources.synthetic import Synthetic
-from pseudolidar.stereo import clean_kernels as kernels
 from pseudolidar.stereo.census import Census
-from pseudolidar.stereo.clean import REASONS, Clean, Cleaner
+from pseudolidar.stereo.filters import clean_kernels as kernels
+from pseudolidar.stereo.filters.clean import REASONS, Clean, Cleaner
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame

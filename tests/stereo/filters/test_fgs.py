@@ -9,9 +9,9 @@ import pytest
 from scipy.linalg import solve_banded
 
 from pseudolidar.errors import StereoConfig
-from pseudolidar.stereo.fgs import ATTENUATION, ITERATIONS, Links, smooth_surfaces
-from pseudolidar.stereo.fgs_kernels import solve_columns, weighed_slopes
-from pseudolidar.stereo.smoothed_map import Fgs
+from pseudolidar.stereo.filters.fgs import ATTENUATION, ITERATIONS, Links, smooth_surfaces
+from pseudolidar.stereo.filters.fgs_kernels import solve_columns, weighed_slopes
+from pseudolidar.stereo.filters.smoothed_map import Fgs
 from pseudolidar.structures.disparity import DisparityMap
 from tests.stereo.pairs import frame
 

@@ -112,7 +112,7 @@ class Cleaner:
     def load(cls, settings: Clean | None) -> Self:
         """With the kernels compiled or read from the cache."""
         if settings is not None:
-            from pseudolidar.stereo import clean_kernels, sky_kernel  # noqa: F401
+            from pseudolidar.stereo.filters import clean_kernels, sky_kernel  # noqa: F401
         return cls(settings)
 
     def __call__(self, frame: StereoFrame, disparity: DisparityMap) -> Cleaned:
@@ -128,7 +128,7 @@ class Cleaner:
         Raises:
             StructureError: the disparity map has another size than the image.
         """
-        from pseudolidar.stereo import clean_kernels as kernels
+        from pseudolidar.stereo.filters import clean_kernels as kernels
 
         shape = disparity.values.shape
         if shape != frame.left.shape[:2]:
@@ -179,7 +179,7 @@ class Cleaner:
 def _mark_edges(values: Float32, sigma: Float32, rig: Float64, s: Clean, reason: UInt8) -> None:
     import cv2
 
-    from pseudolidar.stereo import clean_kernels as kernels
+    from pseudolidar.stereo.filters import clean_kernels as kernels
 
     reach = kernels.EDGE_REACH
     height, width = values.shape
@@ -224,7 +224,7 @@ def _mark_edges(values: Float32, sigma: Float32, rig: Float64, s: Clean, reason:
 def _mark_sky(frame: StereoFrame, values: Float32, reason: UInt8) -> None:
     import cv2
 
-    from pseudolidar.stereo import clean_kernels, sky_kernel
+    from pseudolidar.stereo.filters import clean_kernels, sky_kernel
 
     grey = grey8_left(frame.left, frame.right)
     colour = frame.left if frame.left.ndim == 3 else np.zeros((1, 1, 1), np.uint8)

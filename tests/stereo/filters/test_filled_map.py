@@ -7,9 +7,9 @@ import pytest
 
 from pseudolidar.errors import StereoConfig
 from pseudolidar.sources.synthetic import Synthetic
-from pseudolidar.stereo.filled_map import Surfaces
-from pseudolidar.stereo.filling_kernels import COLUMN_STEP, OCCLUSION, ROW_STEP, SURFACE
-from pseudolidar.stereo.filling_kernels import rim_distances as measure
+from pseudolidar.stereo.filters.filled_map import Surfaces
+from pseudolidar.stereo.filters.filling_kernels import COLUMN_STEP, OCCLUSION, ROW_STEP, SURFACE
+from pseudolidar.stereo.filters.filling_kernels import rim_distances as measure
 from pseudolidar.structures.disparity import DisparityMap
 from tests.stereo.pairs import frame
 

@@ -17,9 +17,9 @@ from pseudolidar.geometry.frames import BASE_LINK, MAP, left_in_base_link
 from pseudolidar.sources.kitti.raw import KittiRaw
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.filters.sightings import SPARE, Sightings
+from pseudolidar.stereo.filters.temporal import Kalman
 from pseudolidar.stereo.reproject import Reproject
-from pseudolidar.stereo.sightings import SPARE, Sightings
-from pseudolidar.stereo.temporal import Kalman
 from pseudolidar.structures.camera import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.pose import Pose

@@ -1,0 +1,1 @@
+"""Disparity maps cleaned of what is no surface, smoothed, filled, fused over time."""
