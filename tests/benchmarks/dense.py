@@ -23,7 +23,8 @@ from pseudolidar.clouds.beams import Beams
 from pseudolidar.clouds.ground import Label
 from pseudolidar.clouds.normals import Normals
 from pseudolidar.clouds.thin import Density, Uniform, Voxel
-from pseudolidar.evaluation.disparity import disparity_errors, filled
+from pseudolidar.evaluation.disparity import disparity_errors
+from pseudolidar.geometry.gaps import filled
 from pseudolidar.evaluation.lidar import scan_samples
 from pseudolidar.evaluation.sigma import sigma_shares
 from pseudolidar.geometry.cloud_frames import left_in

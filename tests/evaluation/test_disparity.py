@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 
 from pseudolidar.errors import ReferenceMissing, StructureError
-from pseudolidar.evaluation.disparity import DisparityScore, disparity_errors, filled
+from pseudolidar.evaluation.disparity import DisparityScore, disparity_errors
+from pseudolidar.geometry.gaps import filled
 from pseudolidar.structures.disparity import DisparityMap
 
 NAN = np.nan

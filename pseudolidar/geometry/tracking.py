@@ -1,0 +1,237 @@
+"""Points followed from one stereo pair to another, across the eyes and over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pseudolidar.geometry.corners import spread_corners
+from pseudolidar.geometry.gaps import filled
+from pseudolidar.geometry.grey import grey8_pair
+from pseudolidar.geometry.lucas_kanade import follow, follow_both_ways
+from pseudolidar.geometry.pnp import RelativePose, first_pose, refined_pose
+from pseudolidar.geometry.projection import project
+from pseudolidar.geometry.triangulation import points_by_q
+from pseudolidar.structures.arrays import Bool, Float32, Float64, UInt8
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.disparity import DisparityMap
+from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.point_tracks import PointTracks
+
+# Corners in each cell of the image, when a motion is first found and when it is made precise.
+CORNERS_FIRST, CORNERS_PRECISE = 10, 14
+# Windows that are compared across the eyes and over time, px.
+WINDOW_ACROSS_PX, WINDOW_OVER_TIME_PX = 15, 21
+LEVELS_FIRST, LEVELS_WARPED = 3, 1
+# A point followed there and back must return to this, px.
+RETURNS_FIRST_PX, RETURNS_WARPED_PX = 0.5, 0.3
+# The other eye sees a point within so many rows, and so near to the disparity that was matched, px.
+MAX_ROWS_PX, MAX_FROM_MATCHED_PX = 2.0, 1.5
+# In a warped picture all points have almost come to rest, px.
+MAX_WARPED_SHIFT_PX = 4.0
+# Smaller disparities (plus doffs) are as good as infinite, px; they start no track.
+LEAST_PX = 0.7
+# Nearer than this nothing is predicted, m; a prediction farther off than that is none, px.
+NEAREST_M, MAX_PREDICTED_SHIFT_PX = 0.5, 250.0
+
+
+@dataclass(frozen=True, eq=False)
+class MatchedPair:
+    """A rectified pair with the disparities of its left image.
+
+    Args:
+        left: (H, W) uint8 grey.
+        right: (H, W) uint8 grey.
+        disparity: (H, W) float32 px, NaN where unknown.
+    """
+
+    left: UInt8
+    right: UInt8
+    disparity: Float32
+
+    @classmethod
+    def of(cls, frame: StereoFrame, disparity: DisparityMap) -> MatchedPair:
+        """The pictures of a frame in grey."""
+        return cls(*grey8_pair(frame.left, frame.right), disparity.values)
+
+    def disparity_at(self, uv: Float32) -> Float32:
+        """(N,) disparity px of the pixels nearest to (N, 2) uv, NaN where unknown."""
+        height, width = self.disparity.shape
+        column, row = np.rint(uv).astype(np.intp).T
+        return self.disparity[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+
+
+@dataclass(frozen=True, eq=False)
+class AcrossEyes:
+    """Points of the left image found in the right one.
+
+    Args:
+        d: (N,) float64 px, to a fraction of a pixel; may be negative.
+        rows: (N,) float64 px that a point lies lower in the right image.
+        found: (N,) where there is one.
+    """
+
+    d: Float64
+    rows: Float64
+    found: Bool
+
+
+def across(left: UInt8, right: UInt8, uv: Float32, d: Float32, *, levels: int = 0) -> AcrossEyes:
+    """Find points of the left image in the right one, near the disparities `d` (N,)."""
+    guess = np.column_stack([uv[:, 0] - d, uv[:, 1]]).astype(np.float32)
+    in_right, found = follow(left, right, uv, guess, window_px=WINDOW_ACROSS_PX, levels=levels)
+    shift = (uv - in_right).astype(np.float64)
+    return AcrossEyes(shift[:, 0], -shift[:, 1], found)
+
+
+def track(
+    first: MatchedPair, second: MatchedPair, rig: StereoRig, T_to_from: Float64
+) -> PointTracks:
+    """Corners of the first pair that the second one shows too, where the motion is not well known.
+
+    Args:
+        first: the earlier pair.
+        second: of the same size.
+        rig: rectified.
+        T_to_from: (4, 4) a guess of the motion, such as that of the pairs before.
+    """
+    uv, d = _seeds(first, rig, CORNERS_FIRST)
+    guess = _predicted(uv, d, rig, T_to_from)
+    there, found = follow_both_ways(
+        first.left,
+        second.left,
+        uv,
+        guess,
+        window_px=WINDOW_OVER_TIME_PX,
+        levels=LEVELS_FIRST,
+        within_px=RETURNS_FIRST_PX,
+    )
+    uv, d, there = uv[found], d[found], there[found]
+    d_there = second.disparity_at(there)
+    after = across(second.left, second.right, there, np.where(np.isfinite(d_there), d_there, d))
+    good = after.found & (np.abs(after.rows) < MAX_ROWS_PX) & (after.d + rig.doffs_px > 0)
+    good &= ~(np.abs(after.d - d_there) >= MAX_FROM_MATCHED_PX)
+    return _tracks(uv, d, there, after.d, good)
+
+
+def track_warped(
+    first: MatchedPair, second: MatchedPair, rig: StereoRig, T_to_from: Float64
+) -> PointTracks:
+    """Many more corners, more precisely, where the motion is known well.
+
+    The second pair is resampled as the first one would see it: windows then look alike however far
+    the camera went, and points move by fractions of a pixel.
+
+    Args:
+        first: the earlier pair.
+        second: of the same size.
+        rig: rectified.
+        T_to_from: (4, 4) the motion, right to a few pixels.
+    """
+    import cv2
+
+    uv, d = _seeds(first, rig, CORNERS_PRECISE)
+    field = _warp_field(first.disparity, rig, T_to_from)
+    left = cv2.remap(second.left, field[..., 0], field[..., 1], cv2.INTER_LINEAR)
+    right = cv2.remap(second.right, field[..., 0] - field[..., 2], field[..., 1], cv2.INTER_LINEAR)
+    at, found = follow_both_ways(
+        first.left,
+        left,
+        uv,
+        uv,
+        window_px=WINDOW_OVER_TIME_PX,
+        levels=LEVELS_WARPED,
+        within_px=RETURNS_WARPED_PX,
+    )
+    found &= np.linalg.norm(at - uv, axis=1) < MAX_WARPED_SHIFT_PX
+    in_right, seen = follow(left, right, at, at, window_px=WINDOW_OVER_TIME_PX)
+    apart = np.abs(in_right - at)
+    found &= seen & (apart[:, 1] < MAX_ROWS_PX) & (apart[:, 0] < MAX_FROM_MATCHED_PX)
+    there, there_right = _sampled(field, at), _sampled(field, in_right)
+    d_there = there[:, 0] - (there_right[:, 0] - there_right[:, 2])
+    height, width = first.left.shape
+    found &= np.all((there[:, :2] > 0) & (there[:, :2] < (width - 1, height - 1)), axis=1)
+    found &= d_there + rig.doffs_px > 0
+    return _tracks(uv, d, there[:, :2], d_there, found)
+
+
+def relative_pose(
+    first: MatchedPair, second: MatchedPair, rig: StereoRig, guess: Float64
+) -> RelativePose | None:
+    """How the camera moved from one pair to another, from a rough guess or none.
+
+    Args:
+        first: the earlier pair.
+        second: of the same size.
+        rig: rectified.
+        guess: (4, 4) `T_to_from`, such as the motion before; the identity where nothing is known.
+
+    Returns:
+        None where too few points agree on a motion.
+    """
+    tracks = track(first, second, rig, guess)
+    rough = first_pose(tracks, rig)
+    return None if rough is None else refined_pose(rough, tracks, rig)
+
+
+def precise_pose(
+    first: MatchedPair, second: MatchedPair, rig: StereoRig, T_to_from: Float64
+) -> RelativePose | None:
+    """The motion `T_to_from` made precise by points of warped pictures; None as `relative_pose`."""
+    return refined_pose(T_to_from, track_warped(first, second, rig, T_to_from), rig)
+
+
+def _seeds(pair: MatchedPair, rig: StereoRig, per_cell: int) -> tuple[Float32, Float64]:
+    """Corners (N, 2) that the right eye sees where the matched disparity says, and it (N,)."""
+    uv = spread_corners(pair.left, per_cell=per_cell)
+    matched = pair.disparity_at(uv)
+    uv, matched = (column[matched + rig.doffs_px > LEAST_PX] for column in (uv, matched))
+    seen = across(pair.left, pair.right, uv, matched)
+    good = seen.found & (np.abs(seen.rows) < MAX_ROWS_PX)
+    good &= np.abs(seen.d - matched) < MAX_FROM_MATCHED_PX
+    good &= seen.d + rig.doffs_px > LEAST_PX / 2
+    return uv[good], seen.d[good]
+
+
+def _predicted(uv: Float32, d: Float64, rig: StereoRig, T_to_from: Float64) -> Float32:
+    """(N, 2) where the points should be after the motion; where they were if that is far off."""
+    points = points_by_q(d, uv[:, 0].astype(np.float64), uv[:, 1].astype(np.float64), rig)
+    there, depth_m = project(points @ T_to_from[:3, :3].T + T_to_from[:3, 3], rig.P_left)
+    near = np.abs(there - uv).max(axis=1) < MAX_PREDICTED_SHIFT_PX
+    return np.where((near & (depth_m > NEAREST_M))[:, None], there, uv).astype(np.float32)
+
+
+def _warp_field(disparity: Float32, rig: StereoRig, T_to_from: Float64) -> Float32:
+    """(H, W, 3) u, v, d in the second pair of what each pixel of the first one shows."""
+    height, width = disparity.shape
+    above = np.maximum(filled(disparity) + np.float32(rig.doffs_px), np.float32(LEAST_PX / 2))
+    depth = np.nan_to_num(np.float32(rig.fB_px_m) / above, nan=np.inf)
+    K = rig.left.K.astype(np.float32)
+    x = (np.arange(width, dtype=np.float32) - K[0, 2]) / K[0, 0]
+    y = (np.arange(height, dtype=np.float32) - K[1, 2])[:, None] / K[1, 1]
+    R, t = T_to_from[:3, :3].astype(np.float32), T_to_from[:3, 3].astype(np.float32)
+    # Divided by the depth, so that what is at infinity stays finite.
+    inverse = np.float32(1.0) / depth
+    X, Y, Z = (R[i, 0] * x + R[i, 1] * y + R[i, 2] + t[i] * inverse for i in range(3))
+    Z = np.maximum(Z, np.float32(NEAREST_M) * inverse)
+    Z = np.maximum(Z, np.finfo(np.float32).eps)
+    d = np.float32(rig.fB_px_m) * inverse / Z - np.float32(rig.doffs_px)
+    return np.stack([K[0, 0] * X / Z + K[0, 2], K[1, 1] * Y / Z + K[1, 2], d], axis=-1)
+
+
+def _sampled(field: Float32, uv: Float32) -> Float64:
+    """(N, 3) of the field between its pixels."""
+    import cv2
+
+    if not len(uv):
+        return np.zeros((0, 3))
+    sampled = cv2.remap(field, uv[:, :1].copy(), uv[:, 1:].copy(), cv2.INTER_LINEAR)
+    return np.asarray(sampled.reshape(-1, 3), np.float64)
+
+
+def _tracks(
+    uv: Float32, d: Float64, there: Float32 | Float64, d_there: Float64, good: Bool
+) -> PointTracks:
+    columns = (uv, d, there, d_there)
+    return PointTracks(*(np.asarray(column[good], np.float64) for column in columns))

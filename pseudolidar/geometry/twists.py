@@ -1,0 +1,39 @@
+"""Small rigid motions as six numbers, for solvers that improve a pose step by step."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pseudolidar.structures.arrays import Float64
+
+# Below this angle, rad, the series of the exponential is exact to double precision.
+SMALL_ANGLE_RAD = 1e-6
+
+
+def skew(vectors: Float64) -> Float64:
+    """(..., 3, 3) matrices `[v]x`, so that `[v]x w = v x w`, of vectors (..., 3)."""
+    matrix = np.zeros((*vectors.shape[:-1], 3, 3))
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    matrix[..., 0, 1], matrix[..., 0, 2], matrix[..., 1, 2] = -z, y, -x
+    matrix[..., 1, 0], matrix[..., 2, 0], matrix[..., 2, 1] = z, -y, x
+    return matrix
+
+
+def exp_twist(twist: Float64) -> Float64:
+    """(4, 4) rigid motion of a twist (6,): translation part in metres, then rotation vector, rad.
+
+    Source: Barfoot, State Estimation for Robotics, equations 7.15 and 7.85.
+    """
+    rotation = twist[3:]
+    angle = float(np.linalg.norm(rotation))
+    W = skew(rotation)
+    if angle < SMALL_ANGLE_RAD:
+        first, second, third = 1.0, 0.5, 1.0 / 6.0
+    else:
+        first = np.sin(angle) / angle
+        second = (1.0 - np.cos(angle)) / angle**2
+        third = (angle - np.sin(angle)) / angle**3
+    motion = np.eye(4)
+    motion[:3, :3] += first * W + second * (W @ W)
+    motion[:3, 3] = (np.eye(3) + second * W + third * (W @ W)) @ twist[:3]
+    return motion
