@@ -183,6 +183,10 @@ class CalibrationSizeMismatch(PseudolidarError):
     """Images have another size than the calibration is for."""
 
 
+class MotionInsufficient(PseudolidarError):
+    """The motion of a sequence does not carry the estimate that is asked of it."""
+
+
 class InputChanged(PseudolidarError):
     """A file was written to while it was read."""
 

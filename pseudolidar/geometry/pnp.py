@@ -45,9 +45,8 @@ class Linearised:
         """`S^-1 columns` of (N, 3, k), with S = sigma^2 (I + g g^T) of tracks and their seed."""
         g = self.by_seed[:, :, None]
         along = np.sum(g * columns, axis=1, keepdims=True)
-        return (columns - g * along / (1.0 + np.sum(g * g, axis=1, keepdims=True))) / (
-            TRACK_SIGMA_PX**2
-        )
+        shared = g * along / (1.0 + np.sum(g * g, axis=1, keepdims=True))
+        return np.asarray((columns - shared) / TRACK_SIGMA_PX**2)
 
     @property
     def chi2(self) -> Float64:

@@ -59,7 +59,8 @@ class MatchedPair:
         """(N,) disparity px of the pixels nearest to (N, 2) uv, NaN where unknown."""
         height, width = self.disparity.shape
         column, row = np.rint(uv).astype(np.intp).T
-        return self.disparity[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+        near = np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
+        return np.asarray(self.disparity[near])
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,12 +130,10 @@ def track_warped(
         rig: rectified.
         T_to_from: (4, 4) the motion, right to a few pixels.
     """
-    import cv2
-
     uv, d = _seeds(first, rig, CORNERS_PRECISE)
     field = _warp_field(first.disparity, rig, T_to_from)
-    left = cv2.remap(second.left, field[..., 0], field[..., 1], cv2.INTER_LINEAR)
-    right = cv2.remap(second.right, field[..., 0] - field[..., 2], field[..., 1], cv2.INTER_LINEAR)
+    left = _resampled(second.left, field[..., 0], field[..., 1])
+    right = _resampled(second.right, field[..., 0] - field[..., 2], field[..., 1])
     at, found = follow_both_ways(
         first.left,
         left,
@@ -218,6 +217,13 @@ def _warp_field(disparity: Float32, rig: StereoRig, T_to_from: Float64) -> Float
     Z = np.maximum(Z, np.finfo(np.float32).eps)
     d = np.float32(rig.fB_px_m) * inverse / Z - np.float32(rig.doffs_px)
     return np.stack([K[0, 0] * X / Z + K[0, 2], K[1, 1] * Y / Z + K[1, 2], d], axis=-1)
+
+
+def _resampled(picture: UInt8, u: Float32, v: Float32) -> UInt8:
+    """(H, W) the picture at columns u and rows v; 0 outside of it."""
+    import cv2
+
+    return np.asarray(cv2.remap(picture, u, v, cv2.INTER_LINEAR), np.uint8)
 
 
 def _sampled(field: Float32, uv: Float32) -> Float64:

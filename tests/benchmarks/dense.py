@@ -24,11 +24,11 @@ from pseudolidar.clouds.ground import Label
 from pseudolidar.clouds.normals import Normals
 from pseudolidar.clouds.thin import Density, Uniform, Voxel
 from pseudolidar.evaluation.disparity import disparity_errors
-from pseudolidar.geometry.gaps import filled
 from pseudolidar.evaluation.lidar import scan_samples
 from pseudolidar.evaluation.sigma import sigma_shares
 from pseudolidar.geometry.cloud_frames import left_in
 from pseudolidar.geometry.frames import frame_tree
+from pseudolidar.geometry.gaps import filled
 from pseudolidar.geometry.projection import project_scan
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.stereo.census import Census

@@ -1,0 +1,217 @@
+"""What the motion of a sequence says of a rig, how surely, and whether it can say it at all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pseudolidar.calibration.far_points import FarPoints
+from pseudolidar.calibration.motion_offset import (
+    MotionOffset,
+    joint_offset,
+    vergence_coefficients,
+)
+from pseudolidar.errors import MotionInsufficient
+from pseudolidar.geometry.pnp import RelativePose
+from pseudolidar.structures.camera import UNREFINED_SIGMA_PX, DisparityCorrection, StereoRig
+from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
+
+# Fewer motions say nothing of how far they agree.
+MIN_MOTIONS = 6
+# Motions that share pictures err alike: the sequence is cut into blocks, at most and at least so
+# many, and how they differ is the uncertainty.
+MOST_BLOCKS, LEAST_BLOCKS = 10, 3
+# Steps between the pictures that are compared, as a share of the distance of near points: below it
+# nothing grows by more than tracks err.
+LEAST_STEP = 0.02
+# Ratio of near to far that is needed: 90 and 10 % quantile of the disparities of tracks.
+LEAST_DEPTH_RATIO = 1.3
+# An offset that is less sure than this, px, is no better than the rig as it is.
+MOST_UNSURE_PX = 0.3
+# A motion of whose tracks less than this agrees (mean weight; KITTI 0.5-0.7) contradicts the rest.
+LEAST_AGREEMENT, MOST_ODD_SHARE = 0.15, 0.25
+# What tracks err by together (windows, resampling), px: synthetic worlds without offset, 2026-11.
+TRACKS_PX = 0.015
+# The true error is no pure rotation of a camera. Offsets from motion differ by so much of
+# themselves from those by surveyed poses or Velodyne (KITTI 06, drive 0002, 01: 19, 31, 34 %).
+SHAPE_SHARE = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class MotionFit:
+    """The disparity offset `offset_px (1 + x^2)` that makes the motion of a sequence consistent.
+
+    Args:
+        offset_px: on the optical axis; measured disparities are too large by it.
+        sigma_px: one standard deviation, from blocks of motions left out, and what those share.
+        blocks_px: its part from blocks left out.
+        motions: how many pairs of frames were compared.
+        frames: how many frames were looked at.
+        tracks: how many points were followed in all of them.
+        step_m: how far the camera moved in the median pair.
+        depths_m: how far near and far tracks are, 10 and 90 % quantile.
+        far: what distant points say.
+        rig: that it was fitted to, without a correction.
+    """
+
+    offset_px: float
+    sigma_px: float
+    blocks_px: float
+    motions: int
+    frames: int
+    tracks: int
+    step_m: float
+    depths_m: tuple[float, float]
+    far: FarPoints
+    rig: StereoRig
+
+    @property
+    def correction(self) -> DisparityCorrection:
+        """For the rig. What motion cannot see stays as unsure as on a rig that nobody checked."""
+        return DisparityCorrection(
+            vergence_coefficients(self.offset_px, self.rig),
+            residual_px=float(np.hypot(UNREFINED_SIGMA_PX, self.sigma_px)),
+            origin=f"motion of {self.frames} frames: {self.offset_text}",
+        )
+
+    @property
+    def offset_text(self) -> str:
+        """The offset in a few words."""
+        return f"offset {self.offset_px:+.3f} +- {self.sigma_px:.3f} px times (1 + x^2)"
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """For people."""
+        near_m, far_m = self.depths_m
+        return (
+            f"motion: {self.offset_text}; from {self.motions} motions of {self.step_m:.2f} m, "
+            f"{self.tracks} tracks at {near_m:.1f} to {far_m:.1f} m",
+            self.far.conclusion,
+            "the scale f B cannot be seen from motion: a wrong baseline or focal length stays "
+            f"in the depths, so that sigma keeps {UNREFINED_SIGMA_PX} px",
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "offset_px": self.offset_px,
+            "sigma_px": self.sigma_px,
+            "sigma_blocks_px": self.blocks_px,
+            "shape": "1 + x^2",
+            "motions": self.motions,
+            "frames": self.frames,
+            "tracks": self.tracks,
+            "step_m": self.step_m,
+            "near_m": self.depths_m[0],
+            "far_m": self.depths_m[1],
+            "distant_points": self.far.as_dict(),
+            "scale_seen": False,
+        }
+
+
+def fitted(
+    motions: Sequence[RelativePose], rig: StereoRig, *, frames: int, gap: int, far: FarPoints
+) -> MotionFit:
+    """Solve for the offset, and judge it.
+
+    Args:
+        motions: in the order of time, of pairs `gap` frames apart.
+        rig: rectified.
+        frames: how many frames they come from.
+        gap: frames between the two pairs of a motion.
+        far: what distant points say.
+
+    Raises:
+        MotionInsufficient: the sequence does not carry the estimate.
+    """
+    rig = rig.with_correction(None)
+    _check_count(len(motions), frames, gap)
+    step_m = float(np.median([motion.distance_m for motion in motions]))
+    disparities = np.concatenate([motion.tracks.d_from for motion in motions]) + rig.doffs_px
+    far_m, near_m = (rig.fB_px_m / np.quantile(disparities, share) for share in (0.1, 0.9))
+    _check_step(step_m, float(near_m))
+    _check_depths(float(near_m), float(far_m))
+    found = joint_offset(motions, rig)
+    blocks_px = _blocks_px(found, gap)
+    _check_sure(found, blocks_px)
+    shared_px = np.hypot(TRACKS_PX, SHAPE_SHARE * found.offset_px)
+    return MotionFit(
+        offset_px=found.offset_px,
+        sigma_px=float(np.hypot(blocks_px, shared_px)),
+        blocks_px=blocks_px,
+        motions=len(motions),
+        frames=frames,
+        tracks=len(disparities),
+        step_m=step_m,
+        depths_m=(float(near_m), float(far_m)),
+        far=far,
+        rig=rig,
+    )
+
+
+def _blocks_px(found: MotionOffset, gap: int) -> float:
+    """One standard deviation of the offset by the jackknife over blocks of the sequence.
+
+    Few blocks know their own spread badly: Student's distribution says how much wider 68 % is.
+
+    Source: Efron & Tibshirani, An Introduction to the Bootstrap, equation 11.5.
+    """
+    from scipy.stats import t as student
+
+    n = len(found.information)
+    blocks = min(MOST_BLOCKS, max(LEAST_BLOCKS, n // gap))
+    block = np.arange(n) * blocks // n
+    without = np.array([found.without(block == turn) for turn in range(blocks)])
+    variance = (blocks - 1) / blocks * np.sum((without - without.mean()) ** 2)
+    wider = student.ppf((1 + ONE_SIGMA_SHARE) / 2, blocks - 1)
+    return float(np.sqrt(variance) * wider)
+
+
+def _check_count(motions: int, frames: int, gap: int) -> None:
+    least = MIN_MOTIONS + gap
+    if frames < least:
+        raise MotionInsufficient(
+            f"{frames} frame(s)",
+            want=f"{least} or more that follow one another",
+            fix="Take a longer piece of the sequence.",
+        )
+    if motions < MIN_MOTIONS:
+        raise MotionInsufficient(
+            f"only {motions} motions found between {frames} frames",
+            want=f"{MIN_MOTIONS} or more: frames that follow one another and show the same things",
+            fix="Leave no frames out, and take a piece with texture and daylight.",
+        )
+
+
+def _check_step(step_m: float, near_m: float) -> None:
+    least_m = LEAST_STEP * near_m
+    if step_m < least_m:
+        raise MotionInsufficient(
+            f"the camera moves {step_m:.3f} m between the frames that are compared",
+            want=f"{least_m:.2f} m or more, as near things are {near_m:.1f} m away",
+            fix="Take a piece where it drives, forwards at best, or raise the gap.",
+        )
+
+
+def _check_depths(near_m: float, far_m: float) -> None:
+    if far_m < LEAST_DEPTH_RATIO * near_m:
+        raise MotionInsufficient(
+            f"all that is seen is {near_m:.1f} to {far_m:.1f} m away",
+            want=f"a depth range: far things {LEAST_DEPTH_RATIO:g} times as far as near ones",
+            fix="Take a piece with near and far things in view.",
+        )
+
+
+def _check_sure(found: MotionOffset, blocks_px: float) -> None:
+    odd = np.mean([motion.weights.mean() < LEAST_AGREEMENT for motion in found.motions])
+    if blocks_px <= MOST_UNSURE_PX and odd <= MOST_ODD_SHARE:
+        return
+    raise MotionInsufficient(
+        f"an offset of {found.offset_px:+.2f} +- {blocks_px:.2f} px, with which "
+        f"{odd:.0%} of {len(found.motions)} motions disagree",
+        want=f"+- {MOST_UNSURE_PX} px or better, and {MOST_ODD_SHARE:.0%} at most",
+        fix="Take a longer piece, with more motion and fewer moving things.",
+    )

@@ -1,0 +1,183 @@
+"""The offset from motion: on computed tracks, and on rendered pictures with a planted offset."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from pseudolidar.calibration.far_points import FarPoints
+from pseudolidar.calibration.motion import Motion
+from pseudolidar.calibration.motion_fit import fitted
+from pseudolidar.calibration.motion_offset import vergence, vergence_coefficients
+from pseudolidar.errors import MotionInsufficient, UsageError
+from pseudolidar.geometry.pnp import refined_pose
+from pseudolidar.geometry.tracking import MatchedPair
+from pseudolidar.geometry.twists import exp_twist
+from pseudolidar.sources.synthetic import Synthetic
+from pseudolidar.stereo.census import Census
+from pseudolidar.structures.camera import UNREFINED_SIGMA_PX, DisparityCorrection
+from tests.moving_rig import STEP, motions_of, rig, tracks
+
+NO_FAR = FarPoints(0, None, None)
+
+
+def fit_of(of, seen, *, gap=3):
+    motions = [refined_pose(T, each, of) for T, each in seen]
+    return fitted(motions, of, frames=len(seen) + gap, gap=gap, far=NO_FAR)
+
+
+@pytest.mark.parametrize("planted_px", [-0.9, -0.2, 0.0, 0.35])
+@pytest.mark.parametrize("doffs_px", [0.0, 8.0])
+def test_a_planted_offset_is_found(planted_px, doffs_px):
+    of = rig(doffs_px=doffs_px)
+    fit = fit_of(of, motions_of(of, 12, offset_px=planted_px, noise_px=0.2, outliers=0.2))
+    assert fit.offset_px == pytest.approx(planted_px, abs=0.03)
+    assert abs(fit.offset_px - planted_px) < 2 * fit.sigma_px
+
+
+def test_the_spread_of_blocks_is_that_of_sequences():
+    """20 sequences: their estimates scatter as each says that it is unsure."""
+    of, errors, claims = rig(), [], []
+    for seed in range(20):
+        seen = [
+            (T, tracks(of, T, n=150, offset_px=0.3, noise_px=0.25, seed=100 * seed + i))
+            for i, (T, _) in enumerate(motions_of(of, 12, n=20))
+        ]
+        fit = fit_of(of, seen)
+        errors.append(fit.offset_px - 0.3)
+        claims.append(fit.blocks_px)
+    # a standard deviation of 20 is known to 16 %, and blocks of a few motions tell it to 40 %
+    assert np.std(errors) == pytest.approx(np.median(claims), rel=0.6)
+
+
+def test_a_wrong_baseline_is_not_seen():
+    """All lengths are too large alike; nothing contradicts that."""
+    of = rig()
+    longer = replace(
+        of, T_right_left=replace(of.T_right_left, matrix=of.T_right_left.matrix.copy())
+    )
+    longer.T_right_left.matrix[0, 3] *= 1.05
+    fit = fit_of(longer, motions_of(of, 12, noise_px=0.2))
+    assert fit.offset_px == pytest.approx(0.0, abs=0.03)
+    assert any("scale f B cannot be seen" in line for line in fit.lines)
+    assert fit.as_dict()["scale_seen"] is False
+    assert fit.correction.residual_px >= UNREFINED_SIGMA_PX
+
+
+def test_the_correction_is_the_shape_of_the_offset():
+    of = rig()
+    u = np.linspace(0, 1241, 50)
+    correction = DisparityCorrection(vergence_coefficients(-0.4, of), 0.0)
+    offsets = correction.offset_px(np.full(50, 20.0), u, np.full(50, 99.0), of.left.size_px)
+    assert np.allclose(offsets, -0.4 * vergence(u, of), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("options", "twist", "missing"),
+    [
+        ({}, np.zeros(6), "moves 0.0"),
+        ({}, np.array([0, 0, 0, 0.0, 0.05, 0]), "moves 0.0"),
+        ({"depths_m": (19.0, 21.0)}, STEP, "depth range"),
+    ],
+    ids=["standing", "turning on the spot", "a wall"],
+)
+def test_what_motion_cannot_tell_is_refused(options, twist, missing):
+    of, T = rig(), exp_twist(twist)
+    seen = [(T, tracks(of, T, noise_px=0.2, seed=i, **options)) for i in range(9)]
+    with pytest.raises(MotionInsufficient, match="MotionInsufficient") as refusal:
+        fit_of(of, seen)
+    assert missing in str(refusal.value)
+
+
+def test_motions_that_disagree_are_refused():
+    of = rig()
+    seen = [
+        (T, tracks(of, T, offset_px=2.0 * (-1) ** (i // 3), seed=i))
+        for i, (T, _) in enumerate(motions_of(of, 12, n=20))
+    ]
+    with pytest.raises(MotionInsufficient, match="disagree"):
+        fit_of(of, seen)
+
+
+def test_a_few_frames_are_refused():
+    of = rig()
+    with pytest.raises(MotionInsufficient, match=r"5 frame\(s\); wanted 9 or more"):
+        fit_of(of, motions_of(of, 2))
+
+
+def test_long_sequences_are_taken_evenly():
+    plan = Motion(gap=3, most=10)
+    assert plan.starts(8) == (0, 1, 2, 3, 4)
+    assert plan.starts(2) == ()
+    starts = plan.starts(1000)
+    assert len(starts) == 10
+    assert (starts[0], starts[-1]) == (0, 996)
+    assert set(np.diff(starts)) <= {110, 111}
+    assert len(plan.needed(1000)) == 40
+    with pytest.raises(UsageError):
+        Motion(gap=0)
+
+
+# --- pictures ------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def flight():
+    source = Synthetic("flight", frames=11, seed=3, width_px=480).open()
+    return [source.load(i) for i in range(11)]
+
+
+def with_offset(frame, offset_px):
+    """The right picture as a turned camera would take it."""
+    height, width = frame.right.shape[:2]
+    u, v = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    shifted = (u + offset_px * vergence(u.astype(float), frame.rig)).astype(np.float32)
+    right = cv2.remap(frame.right, shifted, v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    return replace(frame, right=right)
+
+
+def fit_of_pictures(frames, positions=None, **settings):
+    match = Census().load()
+    positions = range(len(frames)) if positions is None else positions
+    estimator = Motion(**settings).load(frames[0].rig, len(frames))
+    for position, frame in zip(positions, frames, strict=True):
+        estimator.add(position, MatchedPair.of(frame, match(frame)))
+    return estimator.fit()
+
+
+@pytest.mark.parametrize("planted_px", [-0.5, 0.0, 0.3])
+def test_a_turned_camera_is_found_in_pictures(flight, planted_px):
+    fit = fit_of_pictures([with_offset(frame, planted_px) for frame in flight])
+    # Half-size pictures, the far field a few pixels of disparity: tracks err by 0.03 px together.
+    assert fit.offset_px == pytest.approx(planted_px, abs=0.05)
+    assert abs(fit.offset_px - planted_px) < 2 * fit.sigma_px
+    assert (fit.motions, fit.frames) == (8, 11)
+    assert fit.step_m == pytest.approx(1.8, abs=0.3)  # 6 m/s and some climb, 0.3 s
+
+
+def test_impossible_disparities_are_told(flight):
+    fit = fit_of_pictures([with_offset(frame, -1.6) for frame in flight])
+    assert fit.far.too_small_px > 0.3
+    assert "impossible" in fit.far.conclusion
+    sound = fit_of_pictures(flight).far
+    assert sound.too_small_px == 0.0
+    assert "no more than noise" in sound.conclusion
+
+
+def test_frames_that_do_not_follow_one_another_are_refused(flight):
+    with pytest.raises(MotionInsufficient, match="only 0 motions"):
+        fit_of_pictures(flight, positions=range(0, 22, 2))
+
+
+def test_a_picture_without_texture_costs_its_motions_only(flight):
+    grey = np.full_like(flight[0].left, 90)
+    frames = [*flight[:1], replace(flight[1], left=grey, right=grey + 1), *flight[2:]]
+    fit = fit_of_pictures(frames)
+    assert fit.motions == 6
+    assert fit.offset_px == pytest.approx(0.0, abs=0.05)
+
+
+def test_few_distant_points_say_nothing():
+    assert "too few" in FarPoints.of([np.full(10, -1.0)]).conclusion
+    assert FarPoints.of([]).as_dict()["n"] == 0
