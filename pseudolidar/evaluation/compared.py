@@ -20,6 +20,9 @@ from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.samples import DisparitySamples
 
+# Slopes are taken over so many pixels to each side; what is steeper (px a px) is an edge.
+SLOPE_PX, STEEPEST = 4, 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class ComparedFrame:
@@ -35,6 +38,8 @@ class ComparedFrame:
         reference_m: (N,) true depth Z in the left camera's frame, m.
         disparity_px: (N,) as matched, uncorrected; NaN where the matcher found none.
         sigma_px: (N,) the matcher's sigma; None where it states none.
+        slope: (N, 2) how the disparity changes along the columns and the rows, px a px; NaN beside
+            edges and holes.
     """
 
     id: str
@@ -45,7 +50,8 @@ class ComparedFrame:
     v: Float64
     reference_m: Float64
     disparity_px: Float64
-    sigma_px: Float64 | None = None
+    sigma_px: Float64 | None
+    slope: Float64
 
     def __len__(self) -> int:
         return len(self.reference_m)
@@ -170,4 +176,21 @@ def _compared(
         reference_m=reference_m,
         disparity_px=disparity.values[row, column].astype(np.float64),
         sigma_px=None if sigma is None else sigma[row, column].astype(np.float64),
+        slope=np.stack([_slope(disparity, column, row, axis) for axis in ((1, 0), (0, 1))], axis=1),
     )
+
+
+def _slope(disparity: DisparityMap, column: Int64, row: Int64, axis: tuple[int, int]) -> Float64:
+    """(N,) change of the disparity along an axis, over pixels that hang together."""
+    height, width = disparity.values.shape
+
+    def at(steps: int) -> Float64:
+        u = np.clip(column + steps * axis[0], 0, width - 1)
+        v = np.clip(row + steps * axis[1], 0, height - 1)
+        return disparity.values[v, u].astype(np.float64)
+
+    before, middle, after = at(-SLOPE_PX), at(0), at(SLOPE_PX)
+    smooth = np.maximum(np.abs(after - middle), np.abs(middle - before)) < STEEPEST * SLOPE_PX
+    inside = (column >= SLOPE_PX) & (column < width - SLOPE_PX)
+    inside &= (row >= SLOPE_PX) & (row < height - SLOPE_PX)
+    return np.where(smooth & inside, (after - before) / (2 * SLOPE_PX), np.nan)

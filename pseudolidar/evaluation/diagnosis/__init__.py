@@ -1,0 +1,1 @@
+"""What is wrong with a rig: causes by name, with their sizes."""
