@@ -25,7 +25,13 @@ from pseudolidar.running.conversion_report import ConvertReport
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
-from pseudolidar.running.frame_checks import MIN_DENSITY, check_pair, check_texture, scale_notes
+from pseudolidar.running.frame_checks import (
+    MIN_DENSITY,
+    check_pair,
+    check_points,
+    check_texture,
+    scale_notes,
+)
 from pseudolidar.running.given import GivenSettings, given_maps
 from pseudolidar.running.products.colmap_model import ColmapModel
 from pseudolidar.running.products.converted import Converted
@@ -280,7 +286,7 @@ class ConvertFrame:
         """Match and reproject a pair, reproject depth, take a cloud as it is.
 
         Raises:
-            PairIdentical, LowTexture, MapEmpty: there is nothing to be seen.
+            PairIdentical, LowTexture, MapEmpty, CloudEmpty: there is nothing to be seen.
             StereoConfig: the image is too narrow for the disparities searched.
         """
         match frame:
@@ -306,6 +312,7 @@ class ConvertFrame:
         frame = replace(frame, notes=(*frame.notes, *scale_notes(frame, disparity, depth)))
         T_frame_left = left_in(frame.rig, self.frame or default_frame(frame.rig))
         cloud = self.reproject(frame, disparity).transformed(T_frame_left)
+        check_points(frame, cloud, cleaned.counts)
         counts = {**counts, **cleaned.counts}
         return Converted(frame, cloud, disparity, depth, counts, cleaned.reason)
 

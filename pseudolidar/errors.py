@@ -20,10 +20,11 @@ class PseudolidarError(Exception):
         where: place in it: a line, byte offset, field or frame.
 
     `code` is the class name, a stable identifier; `exit_code` is the process status the command
-    line ends with.
+    line ends with; `advice` is what to do where nothing more particular is said.
     """
 
     exit_code: ClassVar[int] = 3
+    advice: ClassVar[str] = ""
 
     def __init__(
         self,
@@ -35,7 +36,7 @@ class PseudolidarError(Exception):
         where: str = "",
     ) -> None:
         super().__init__(got)
-        self.got, self.want, self.fix, self.where = got, want, fix, where
+        self.got, self.want, self.fix, self.where = got, want, fix or self.advice, where
         self.path = None if path is None else str(path)
 
     @property
@@ -98,13 +99,19 @@ class OutputSettings(UsageError):
 class LimitError(PseudolidarError):
     """An input claims to be larger than the configured cap."""
 
+    advice = "Check the file; if it really is that large, raise the cap."
+
 
 class ImageMissing(PseudolidarError):
     """An image file that the sequence names is not there."""
 
+    advice = "Copy the file, or leave its frame out with --exclude."
+
 
 class ImageUnreadable(PseudolidarError):
     """An image file cannot be decoded."""
+
+    advice = "Copy or make the file again, or leave its frame out with --exclude."
 
 
 class ImageTruncated(ImageUnreadable):
@@ -114,73 +121,115 @@ class ImageTruncated(ImageUnreadable):
 class ImageFormat(PseudolidarError):
     """An image has a pixel layout that has no meaning here."""
 
+    advice = "Save the picture again, as grey or colour of 8 or 16 bits."
+
 
 class VideoUnreadable(PseudolidarError):
     """A video file cannot be opened, or holds no frame."""
+
+    advice = "Copy the video again, or write it anew with another program."
 
 
 class VideoDamaged(PseudolidarError):
     """A frame of a video is not there whole; a decoder would invent the rest."""
 
+    advice = "Copy the video again."
+
 
 class PairMismatch(PseudolidarError):
     """Left and right images differ in size or depth."""
+
+    advice = "Check that both pictures are of one pair, or leave it out with --exclude."
 
 
 class PairIdentical(PseudolidarError):
     """Left and right are the same image."""
 
+    advice = "Check that both folders are not the same."
+
 
 class NotRectified(PseudolidarError):
     """Rows of the pair are not aligned."""
+
+    advice = "Rectify the pictures first."
 
 
 class LowTexture(PseudolidarError):
     """Almost no pixel of the pair can be matched."""
 
+    advice = "Leave the frame out with --exclude."
+
+
+class CloudEmpty(PseudolidarError):
+    """No point is left of a pair that could be matched."""
+
+    advice = "Leave the frame out with --exclude."
+
 
 class MapEmpty(PseudolidarError):
     """A depth or disparity map holds no value."""
+
+    advice = "Make the map again, or leave its frame out with --exclude."
 
 
 class MapScale(PseudolidarError):
     """A map that somebody else made is in another unit than it is read in."""
 
+    advice = "Say the unit with --map-scale."
+
 
 class StereoConfig(PseudolidarError):
     """A matcher setting is outside its legal values."""
+
+    advice = "Change the setting."
 
 
 class ModelError(PseudolidarError):
     """A network file cannot be used: damaged, unsafe, or of a layout nobody could tell."""
 
+    advice = "Export the network again, or take another one."
+
 
 class ModelOutput(PseudolidarError):
     """A network's answer for a frame means nothing: not a number, or the same everywhere."""
+
+    advice = "Check the layout of the network, or take another one."
 
 
 class CalibrationMissing(PseudolidarError):
     """A source has no calibration."""
 
+    advice = "Pass the calibration with --rig."
+
 
 class CalibrationField(PseudolidarError):
     """A calibration file lacks a field, or holds it twice."""
+
+    advice = "Mend the file, or pass another calibration with --rig."
 
 
 class CalibrationSyntax(PseudolidarError):
     """A calibration file cannot be parsed: wrong count or form of numbers."""
 
+    advice = "Mend the file there, or pass another calibration with --rig."
+
 
 class CalibrationValue(PseudolidarError):
     """A calibration value is impossible."""
+
+    advice = "Mend the file, or pass another calibration with --rig."
 
 
 class CalibrationUnits(PseudolidarError):
     """A calibration does not say its unit of length, and metres cannot be meant."""
 
+    advice = "Say the unit with --rig-unit."
+
 
 class CalibrationSizeMismatch(PseudolidarError):
     """Images have another size than the calibration is for."""
+
+    advice = "Pass --scale-calibration if the pictures were resized, or the right rig."
 
 
 class MotionInsufficient(PseudolidarError):
@@ -190,17 +239,25 @@ class MotionInsufficient(PseudolidarError):
 class InputChanged(PseudolidarError):
     """A file was written to while it was read."""
 
+    advice = "Wait until it is complete, and run the same command again."
+
 
 class PointFileMissing(PseudolidarError):
     """A point file is not there."""
+
+    advice = "Check the path."
 
 
 class PointFileTruncated(PseudolidarError):
     """A point file holds fewer bytes than it claims, or a fraction of a point."""
 
+    advice = "Copy or make the file again: it ends early."
+
 
 class PointFileCorrupt(PseudolidarError):
     """A point file contradicts itself."""
+
+    advice = "Make the file again with the program that wrote it."
 
 
 class PointFileHeader(PointFileCorrupt):
@@ -210,69 +267,103 @@ class PointFileHeader(PointFileCorrupt):
 class PointFileField(PseudolidarError):
     """A point file lacks x, y or z."""
 
+    advice = "Check that the file holds points."
+
 
 class MeshIndex(PointFileCorrupt):
     """A face of a mesh names a vertex that is not there."""
+
+    advice = "Make the file again, or save its points alone."
 
 
 class LabelError(PseudolidarError):
     """A label file line is not legal."""
 
+    advice = "Mend the line, or leave its frame out with --exclude."
+
 
 class PoseFileError(PseudolidarError):
     """A pose file row is not a rigid transform, or rows are missing."""
+
+    advice = "Mend the file, or remove it to go without poses."
 
 
 class PoseMissing(PseudolidarError):
     """Nothing is known of where a frame was taken, and something needs it."""
 
+    advice = "Take a source that has poses."
+
 
 class SequenceTime(PseudolidarError):
     """Time stamps are not increasing or not plausible."""
+
+    advice = "Mend the times, or pass --source.synthetic-times where the source has it."
 
 
 class SourceUnknown(PseudolidarError):
     """What a path is could not be recognised."""
 
+    advice = "Check the path."
+
 
 class SourceEmpty(PseudolidarError):
     """A source has no usable frame."""
+
+    advice = "Check the path, --frames and --exclude."
 
 
 class NoPairs(PseudolidarError):
     """A source has no rectified pairs where only they will do."""
 
+    advice = "Take a source of rectified pairs."
+
 
 class NoClouds(PseudolidarError):
     """A source has no ready-made clouds where only they will do."""
+
+    advice = "Take a source of clouds, or make clouds of the pairs with convert."
 
 
 class RecordingError(PseudolidarError):
     """A recording (MCAP) is broken or contradicts itself."""
 
+    advice = "Record or copy the file again; recover saves what is whole of it."
+
 
 class ReferenceMissing(PseudolidarError):
     """An evaluation was asked for where there is no ground truth."""
+
+    advice = "Take a source with ground truth, or name it with --reference."
 
 
 class TooManyBadFrames(PseudolidarError):
     """So many frames failed that the run stopped."""
 
+    advice = "See report.json for each of them; leave them out with --exclude."
+
 
 class FrameError(PseudolidarError):
     """Wrapper: an unexpected failure while one frame was processed."""
+
+    advice = "Run with --debug to see where, and tell the authors."
 
 
 class FrameTimeout(PseudolidarError):
     """A frame did not end in time."""
 
+    advice = "Raise --timeout, or leave the frame out with --exclude."
+
 
 class MemoryLimit(PseudolidarError):
     """A frame needs more memory than there is, or than its worker may have."""
 
+    advice = "Raise --memory-limit, or leave the frame out with --exclude."
+
 
 class NativeCrash(PseudolidarError):
     """A library crashed on a frame, and took the frame's process with it."""
+
+    advice = "Leave the frame out with --exclude."
 
 
 class StructureError(PseudolidarError):
@@ -291,13 +382,19 @@ class EnvironmentFault(PseudolidarError):
 class OutputError(EnvironmentFault):
     """Writing failed: disk full, read-only, no permission."""
 
+    advice = "Choose another output folder."
+
 
 class OutputLocked(EnvironmentFault):
     """Another run is writing to the same folder."""
 
+    advice = "Wait for the other run, or choose another output folder."
+
 
 class MissingDependency(EnvironmentFault):
     """A library or system component is absent or does not load."""
+
+    advice = "Run pseudolidar doctor."
 
 
 # --- workers (6) -----------------------------------------------------------------------------
@@ -307,6 +404,7 @@ class WorkerFault(PseudolidarError):
     """Workers cannot do anything; the run can be resumed once they can."""
 
     exit_code = 6
+    advice = "Run the same command again: it continues where it stopped."
 
 
 # --- interrupted (130) ---------------------------------------------------------------------

@@ -38,7 +38,7 @@ def good_frames(
     """The frames that passed; the others are handed to `skipped`, as long as they are few.
 
     Frames that the source refused when it was opened (index None) are known before the start and
-    stop nothing.
+    stop nothing, as long as there are others.
 
     Args:
         outcomes: of `stream`.
@@ -59,14 +59,14 @@ def good_frames(
             yield outcome
             continue
         skipped(outcome)
-        if outcome.index is None:
+        if outcome.index is None and frames:
             continue
         if on_error == "stop" or isinstance(outcome.error, NOT_THE_FRAME):
             raise outcome.error
         last, bad, in_a_row = outcome, bad + 1, in_a_row + 1
         kinds.add(outcome.error.code)
         many = bad >= MIN_BAD_FRAMES and bad > MAX_BAD_SHARE * frames
-        if many or in_a_row >= MAX_BAD_IN_A_ROW:
+        if frames and (many or in_a_row >= MAX_BAD_IN_A_ROW):
             break
     else:
         if good or last is None or bad < frames:

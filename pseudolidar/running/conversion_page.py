@@ -180,7 +180,8 @@ def _depth_plot(frames: Sequence[Mapping[str, Any]]) -> Picture:
     axes.bar(edges, counts, width=0.92 * DEPTH_BIN_M, align="edge")
     labels = [f"{edge:.0f}" for edge in edges]
     axes.set_xticks(edges, [*labels[:-1], f"{labels[-1]}+"])
-    axes.set_yscale("log")
+    if counts.any():
+        axes.set_yscale("log")
     return Picture.plot(figure, "pixels by depth, mean over frames; the last bar holds all beyond")
 
 

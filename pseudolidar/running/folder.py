@@ -17,6 +17,8 @@ from pseudolidar.formats.atomic import is_temporary, output_error, write_atomic
 
 LOCK_NAME = ".lock"
 PROBE_NAME = ".writable"
+# Files that are opened under their own name, to go on with them; all others replace what is there.
+_CONTINUED = (".lock", ".jsonl", ".part")
 
 
 @contextlib.contextmanager
@@ -27,11 +29,14 @@ def own_folder(folder: Path) -> Iterator[None]:
     processes of one host.
 
     Raises:
-        OutputError: the folder cannot be made or written to.
+        OutputError: the folder cannot be made or written to, or a link in it leads elsewhere.
         OutputLocked: another run is writing to it.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        for entry in folder.iterdir():
+            if entry.name.endswith(_CONTINUED):
+                _refuse_link(entry)
     except OSError as error:
         raise output_error(folder, error) from error
     with _locked(folder / LOCK_NAME):
@@ -57,7 +62,8 @@ def check_usable(folder: Path) -> None:
 
 def remove_leftovers(folder: Path) -> None:
     """Delete what interrupted writes left in `folder` and the folders in it."""
-    for place in (folder, *(entry for entry in folder.iterdir() if entry.is_dir())):
+    folders = (e for e in folder.iterdir() if e.is_dir() and not e.is_symlink())
+    for place in (folder, *folders):
         for entry in place.iterdir():
             if is_temporary(entry.name):
                 entry.unlink(missing_ok=True)
@@ -73,11 +79,23 @@ def inside(folder: Path, name: str) -> Path:
     """Path of the output `name` (with /) in `folder`.
 
     Raises:
-        OutputError: the name is absolute, climbs out, or is none.
+        OutputError: the name is absolute, climbs out, or is none, or a link on its way leads out.
     """
     if not stays_inside(name):
         raise OutputError(f"output name {name!r}", want="a name inside the folder", path=folder)
+    for parent in PurePosixPath(name).parents[:-1]:
+        _refuse_link(folder / parent)
     return folder / name
+
+
+def _refuse_link(path: Path) -> None:
+    if path.is_symlink():
+        raise OutputError(
+            f"a link, to {path.readlink()}",
+            want="a file or folder of its own: nothing is written through links",
+            fix="Remove the link, or make the output folder itself one.",
+            path=path,
+        )
 
 
 @contextlib.contextmanager

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from pseudolidar.errors import LowTexture, PairIdentical
+from pseudolidar.errors import CloudEmpty, LowTexture, PairIdentical
+from pseudolidar.running.removed import removed_shares
+from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 
@@ -59,6 +63,28 @@ def check_texture(
             f"{density:.2%} of the pixels could be matched",
             want=f"at least {least:.0%}",
             fix="The pair is black, overexposed or without texture; leave it out with --exclude.",
+            where=f"frame {frame.id}",
+        )
+
+
+def check_points(frame: StereoFrame, cloud: PointCloud, counts: Mapping[str, float]) -> None:
+    """Refuse a cloud of a matched pair in which no point is left.
+
+    Args:
+        frame: the pair.
+        cloud: what became of its disparities.
+        counts: pixels that cleaning kept and removed.
+
+    Raises:
+        CloudEmpty: there is none.
+    """
+    if not len(cloud):
+        shares = [f"{share:.0%} {what}" for what, share in removed_shares(counts).items() if share]
+        removed = f": removed were {', '.join(shares)}" if shares else ""
+        raise CloudEmpty(
+            f"of the matched pixels no point is left{removed}",
+            want="at least one point",
+            fix="Check baseline and unit of the calibration; --clean none keeps all.",
             where=f"frame {frame.id}",
         )
 

@@ -40,13 +40,18 @@ def removed_lines(figures: Mapping[str, Mapping[str, float]]) -> list[str]:
     Args:
         figures: mean, least and largest value of each figure of the frames.
     """
-    means = {name: figures[REMOVED + name]["mean"] for name in WORDS if REMOVED + name in figures}
-    if not means or KEPT not in figures:
-        return []
-    kept = figures[KEPT]["mean"]
-    matched = max(kept + sum(means.values()), 1.0)
-    parts = [f"{means[name] / matched:.2%} {WORDS[name]}" for name in means]
-    return [f"removed: {', '.join(parts)}"]
+    shares = removed_shares({name: figure["mean"] for name, figure in figures.items()})
+    parts = [f"{share:.2%} {what}" for what, share in shares.items()]
+    return [f"removed: {', '.join(parts)}"] if parts else []
+
+
+def removed_shares(counts: Mapping[str, float]) -> dict[str, float]:
+    """Share of the matched pixels by the reason in words; empty where cleaning was not counted."""
+    removed = {name: counts[REMOVED + name] for name in WORDS if REMOVED + name in counts}
+    if not removed or KEPT not in counts:
+        return {}
+    matched = max(counts[KEPT] + sum(removed.values()), 1.0)
+    return {WORDS[name]: count / matched for name, count in removed.items()}
 
 
 def removed_picture(photo: UInt8, removed: UInt8) -> UInt8:

@@ -87,6 +87,9 @@ def _synthetic(path: str) -> Synthetic:
 def _absent(path: str) -> SourceUnknown:
     place = Path(path)
     beside = [entry.name for entry in place.parent.iterdir()] if place.parent.is_dir() else []
+    if place.is_symlink():
+        got = "a link that leads to nothing, or to itself"
+        return SourceUnknown(got, want=LOOKED_FOR, fix="Mend the link.", path=path)
     near = difflib.get_close_matches(place.name, beside, n=1)
     fix = f"Did you mean {str(place.parent / near[0])!r}?" if near else "Check the path."
     return SourceUnknown("no such file or folder", want=LOOKED_FOR, fix=fix, path=path)

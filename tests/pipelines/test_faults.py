@@ -6,6 +6,7 @@ import shutil
 import socket
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import cv2
@@ -210,6 +211,90 @@ def test_a_picture_with_a_long_name(drive, tmp_path, capsys):
     shutil.copy(drive / "rig.json", tmp_path / "d")
     code, report = convert(capsys, tmp_path / "d", tmp_path / "out")
     assert (code, report["committed"]) == (0, 1)
+
+
+# --- links and file systems (rows 52, 63) -----------------------------------------------------
+
+
+def test_nothing_is_written_through_links_in_the_output(drive, tmp_path, capsys):
+    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
+    out.mkdir()
+    elsewhere.mkdir()
+    (out / "pcd").symlink_to(elsewhere)
+    code, answer = convert(capsys, drive, out, "--to", "pcd", "--frames", "0:2")
+    error = answer["error"]
+    assert (code, error["code"], error["path"]) == (5, "OutputError", str(out / "pcd"))
+    assert "Remove the link" in error["fix"]
+    assert not list(elsewhere.iterdir())
+    (out / "pcd").unlink()
+    assert convert(capsys, drive, out, "--to", "pcd", "--frames", "0:2")[0] == 0
+
+
+def test_a_source_that_is_a_loop_of_links_is_told(tmp_path, capsys):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    code, answer = convert(capsys, tmp_path / "loop", tmp_path / "out")
+    assert (code, answer["error"]["code"]) == (3, "SourceUnknown")
+    assert "a link" in answer["error"]["got"]
+    assert answer["error"]["fix"] == "Mend the link."
+
+
+# Every file that is made and every name that is given, of a run in a process of its own.
+WITNESSED = """
+import json, os, sys
+made, renamed = [], []
+
+def note(event, arguments):
+    if event == "os.rename":
+        renamed.append([os.fsdecode(path) for path in arguments[:2]])
+    elif event == "open" and isinstance(arguments[0], (str, bytes)) and arguments[2] & os.O_CREAT:
+        made.append(os.fsdecode(arguments[0]))
+
+from pseudolidar.cli import main
+sys.addaudithook(note)
+code = main(sys.argv[1:])
+print(json.dumps({"code": code, "made": made, "renamed": renamed}))
+"""
+
+
+def test_no_name_is_given_across_file_systems(drive, tmp_path):
+    """The output lies on another disk than the input and the folder of temporary files."""
+    memory = Path("/dev/shm")
+    if not memory.is_dir() or memory.stat().st_dev == tmp_path.stat().st_dev:
+        pytest.skip("there is no second file system to write to")
+    with tempfile.TemporaryDirectory(dir=memory) as other:
+        out = Path(other) / "out"
+        line = ["convert", str(drive), str(out), "--to", ALL, "--frames", "0:2"]
+        ended = subprocess.run(
+            [sys.executable, "-c", WITNESSED, *line],
+            env=os.environ | {"TMPDIR": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        seen = json.loads(ended.stdout.splitlines()[-1])
+        assert seen["code"] == 0
+        targets = {target for _, target in seen["renamed"]}
+        written = {str(path) for path in out.rglob("*") if path.is_file()}
+        assert {str(out / "pcd" / "000000.pcd"), str(out / "run.json")} <= targets
+        assert written - targets == {str(out / "journal.jsonl")}
+        for source, target in seen["renamed"]:
+            assert Path(source).parent == Path(target).parent
+        # What is not ours (caches of libraries) lies in neither place.
+        assert not any(path.startswith(str(tmp_path)) for path in seen["made"])
+
+
+# --- nothing left (row 12) --------------------------------------------------------------------
+
+
+def test_a_pair_of_which_no_point_is_left_is_no_empty_cloud(own_drive, tmp_path, capsys):
+    """A baseline of a millimetre has everything at the lens."""
+    rig = json.loads((own_drive / "rig.json").read_text())
+    (own_drive / "rig.json").write_text(json.dumps({**rig, "baseline_m": 0.001}))
+    code, answer = convert(capsys, own_drive, tmp_path / "out", "--to", "pcd")
+    assert (code, answer["error"]["code"]) == (3, "CloudEmpty")
+    assert "removed were 100% near-lens noise" in answer["error"]["got"]
+    assert "baseline" in answer["error"]["fix"]
+    assert not list((tmp_path / "out").rglob("*.pcd"))
 
 
 # --- disks (rows 56, 58, 62) ------------------------------------------------------------------

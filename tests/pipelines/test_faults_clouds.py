@@ -72,6 +72,21 @@ def test_a_cut_file_costs_its_frame(clouds, tmp_path, capsys, kind):
     assert not (tmp_path / "out" / "npz" / "000002.npz").exists()
 
 
+@pytest.mark.parametrize("kind", ENCODERS)
+@pytest.mark.parametrize("left", [1000, 60, 5, 0])
+def test_a_cut_file_alone_is_the_error_wherever_it_is_cut(clouds, tmp_path, capsys, kind, left):
+    """Also where the header is cut, and of archives their directory."""
+    if (kind, left) in (("bin", 1000), ("bin", 60), ("bin", 0)):
+        left = 7  # 0 is a scan without points, 1000 is found implausible
+    path = victim(clouds(kind))
+    path.write_bytes(path.read_bytes()[:left])
+    code = main(["convert", str(path), str(tmp_path / "out"), "--to", "npz", "--json"])
+    error = json.loads(capsys.readouterr().out)["error"]
+    assert (code, error["code"], error["path"]) == (3, "PointFileTruncated", str(path))
+    assert all(error[part] for part in ("where", "got", "want", "fix"))
+    assert not list((tmp_path / "out").rglob("*.npz"))
+
+
 @pytest.mark.parametrize("kind", ["pcd", "pcd:ascii", "ply", "ply:ascii", "bin"])
 @pytest.mark.parametrize("cut", [1, 7, 50])
 def test_salvaged_are_whole_points_and_that_is_told(clouds, tmp_path, capsys, kind, cut):

@@ -66,6 +66,12 @@ def test_frames_refused_at_opening_stop_nothing():
     assert len(skipped) == 30
 
 
+def test_a_source_that_refuses_all_of_its_frames_is_an_error():
+    with pytest.raises(ImageMissing):
+        sift("r" * 30)
+    assert sift("") == ([], [])
+
+
 def test_when_all_fail_alike_the_reason_is_the_error():
     with pytest.raises(CalibrationSizeMismatch):
         sift("bbb", error=CalibrationSizeMismatch)

@@ -74,6 +74,27 @@ def test_leftovers_of_interrupted_writes_go_and_nothing_else(tmp_path):
     assert all(path.exists() for path in theirs)
 
 
+def test_nothing_is_written_or_deleted_through_a_link(tmp_path):
+    """The output folder itself may be one; what is in it may not."""
+    elsewhere, out = tmp_path / "elsewhere", tmp_path / "out"
+    (elsewhere / "real").mkdir(parents=True)
+    theirs = elsewhere / "0.pcd.89abcdef.tmp"
+    theirs.write_bytes(b"")
+    out.symlink_to(elsewhere / "real")
+    (out / "pcd").symlink_to(elsewhere)
+    with own_folder(out):
+        assert theirs.exists()
+        assert inside(out, "ply/0.ply") == out / "ply" / "0.ply"
+        with pytest.raises(OutputError, match="a link, to"):
+            inside(out, "pcd/0.pcd")
+    for name in (LOCK_NAME, "journal.jsonl", "drive.mcap.part"):
+        (out / name).symlink_to(elsewhere / "precious")
+        with pytest.raises(OutputError, match="through links"), own_folder(out):
+            pass
+        (out / name).unlink()
+    assert not (elsewhere / "precious").exists()
+
+
 @pytest.mark.parametrize("name", ["", "../x", "pcd/../../x", "/etc/x", "a\0b"])
 def test_outputs_stay_inside(tmp_path, name):
     with pytest.raises(OutputError):

@@ -186,13 +186,21 @@ def _header_time(parse: Callable[[bytes], Notes]) -> Callable[[Path], int]:
     return time_ns
 
 
+# An archive begins with 30 bytes and the name of its first array.
+_FIRST_NAME_ENDS = 30 + len("xyz.npy")
+
+
 def _holds_points(path: Path) -> bool:
-    """Whether an archive has points; many tools keep other things in archives."""
+    """Whether an archive has points, or had them: other programs keep other things in archives."""
     try:
         with zipfile.ZipFile(path) as archive:
             return "xyz.npy" in archive.namelist()
-    except (OSError, zipfile.BadZipFile):
+    except OSError:
         return False
+    except zipfile.BadZipFile:
+        with path.open("rb") as file:  # cut before its directory
+            start = file.read(SNIFFED_BYTES)
+        return len(start) < _FIRST_NAME_ENDS or b"xyz.npy" in start
 
 
 def is_cloud_file(path: Path) -> bool:

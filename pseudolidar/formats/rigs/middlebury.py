@@ -14,12 +14,13 @@ from pseudolidar.errors import (
     CalibrationField,
     CalibrationMissing,
     CalibrationSyntax,
+    CalibrationUnits,
     CalibrationValue,
     PseudolidarError,
 )
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.rigs.rig_parts import LEFT, RIGHT
+from pseudolidar.formats.rigs.rig_parts import LARGEST_BASELINE_M, LEFT, RIGHT
 from pseudolidar.formats.rigs.rig_reading import PER_METRE, RigReading, RigUnit
 from pseudolidar.formats.text import WORD, TextLine, Word, read_lines
 from pseudolidar.structures.arrays import Float64
@@ -34,6 +35,8 @@ OTHERS = ("isint", "vmin", "vmax", "dyavg", "dymax")
 DOFFS_TOLERANCE_PX = 0.01
 # Ranges are searched in steps of 32 px, to the nearest: half a step more has ndisp inside.
 RANGE_MARGIN_PX = 16
+# The smallest that is believed: rigs of a millimetre exist behind endoscopes only.
+SMALLEST_BASELINE_M = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +67,7 @@ class _Fields:
 
 
 def read_middlebury_calib(
-    path: Path, *, unit: RigUnit = "mm", limits: Limits = DEFAULT_LIMITS
+    path: Path, *, unit: RigUnit | None = None, limits: Limits = DEFAULT_LIMITS
 ) -> RigReading:
     """Read a `calib.txt`; its lengths are millimetres unless `unit` says otherwise.
 
@@ -75,14 +78,13 @@ def read_middlebury_calib(
         CalibrationField: a key missing, unknown in its form, or twice.
         CalibrationSyntax: no number, or another count; by line and column.
         CalibrationValue: `doffs` or `ndisp` contradict the rest, an impossible camera.
+        CalibrationUnits: a baseline that cannot be millimetres, and `unit` is not given.
     """
     fields = _read(path, limits)
     fields.require("cam0", "cam1", "baseline", "width", "height")
     K0, K1 = (fields.values[key].reshape(3, 3) for key in MATRICES)
     size = _size(fields)
-    baseline_m = fields.number("baseline") / PER_METRE[unit]
-    if not baseline_m > 0:
-        raise fields.refusal("baseline", f"baseline {fields.number('baseline'):g}", "above 0")
+    baseline_m = _baseline_m(fields, unit)
     notes = [_doffs_note(fields, float(K1[0, 2] - K0[0, 2]))]
     try:
         rig = StereoRig(
@@ -95,6 +97,22 @@ def read_middlebury_calib(
         raise error.located(path) from None
     nearest = _nearest_m(fields, rig, notes)
     return RigReading(path, "Middlebury calib.txt", rig, rig, tuple(notes), nearest)
+
+
+def _baseline_m(fields: _Fields, unit: RigUnit | None) -> float:
+    value = fields.number("baseline")
+    if not value > 0:
+        raise fields.refusal("baseline", f"baseline {value:g}", "above 0")
+    baseline_m = value / PER_METRE[unit or "mm"]
+    if unit is None and not SMALLEST_BASELINE_M <= baseline_m <= LARGEST_BASELINE_M:
+        raise CalibrationUnits(
+            f"baseline {value:g}, which would be {baseline_m:g} m",
+            want=f"millimetres, {1000 * SMALLEST_BASELINE_M:g} to {1000 * LARGEST_BASELINE_M:g}",
+            fix=f"Is it {value:g} m, or cm? Then pass the file by --rig, with --rig-unit m or cm.",
+            path=fields.path,
+            where=f"baseline, line {fields.lines['baseline']}",
+        )
+    return baseline_m
 
 
 def _doffs_note(fields: _Fields, cx_difference: float) -> str:

@@ -88,7 +88,7 @@ def read_any_rig(
     if first.startswith(("<", "{", "%YAML", "---")) or path.suffix.lower() in SUFFIXES:
         return _storage_file(path, size_px, unit, limits)
     if is_middlebury_calib("\n".join(words)):
-        return read_middlebury_calib(path, unit=unit or "mm", limits=limits)
+        return read_middlebury_calib(path, unit=unit, limits=limits)
     if KEY.match(first) and not first[:1].isdigit():
         return _kitti(path, size_px, limits)
     if sum(len(line.words()) for line in lines) > 10:

@@ -7,6 +7,7 @@ import resource
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -376,6 +377,19 @@ def test_the_unit_is_asked_for_and_never_guessed(tmp_path: Path) -> None:
     with pytest.raises(CalibrationUnits, match="--rig-unit mm"):
         read_any_rig(k_txt, size_px=(960, 540))
     assert read_any_rig(k_txt, size_px=(960, 540), unit="mm").of_rectified.baseline_m == 0.063
+
+
+@pytest.mark.parametrize(("stated", "unit"), [("0.193001", "m"), ("193001", None)])
+def test_millimetres_of_middlebury_that_cannot_be(
+    stated: str, unit: Literal["m"] | None, tmp_path: Path
+) -> None:
+    path = tmp_path / "calib.txt"
+    path.write_text(CALIB.replace("baseline=193.001", f"baseline={stated}"))
+    with pytest.raises(CalibrationUnits, match="baseline, line 4") as error:
+        read_any_rig(path)
+    assert "--rig-unit m" in error.value.fix
+    if unit is not None:
+        assert read_any_rig(path, unit=unit).of_rectified.baseline_m == 0.193001
 
 
 # --- damage ------------------------------------------------------------------------------------
