@@ -16,8 +16,8 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.rigs.opencv_rig import SUFFIXES
+from pseudolidar.formats.rigs.placed import Node
 from pseudolidar.formats.rigs.storage import is_matrix, matrix_of, read_storage
-from pseudolidar.formats.rigs.strict_json import JsonNode
 from pseudolidar.formats.text import read_lines
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera
@@ -76,7 +76,7 @@ def read_camera(
 
 
 def _of_fields(path: Path, size_px: tuple[int, int], limits: Limits) -> CameraReading:
-    fields: dict[str, JsonNode] = {}
+    fields: dict[str, Node] = {}
     _flatten(read_storage(path, limits=limits)[0], fields)
     K, where = _intrinsics(fields, path)
     distortion = next((fields[name] for name in _DISTORTIONS if name in fields), None)
@@ -94,13 +94,13 @@ def _of_fields(path: Path, size_px: tuple[int, int], limits: Limits) -> CameraRe
     return CameraReading(_camera(K, size, path, where), _number(fields, _SCALES))
 
 
-def _bends(distortion: JsonNode) -> bool:
+def _bends(distortion: Node) -> bool:
     """Whether distortion numbers are there and not all 0."""
     listed = is_matrix(distortion) and distortion.value != ()
     return listed and bool(matrix_of(distortion).any())
 
 
-def _flatten(node: JsonNode, into: dict[str, JsonNode]) -> None:
+def _flatten(node: Node, into: dict[str, Node]) -> None:
     """Values by their own name, whatever they are nested in; the first of each counts."""
     if not isinstance(node.value, dict) or is_matrix(node):
         return
@@ -109,7 +109,7 @@ def _flatten(node: JsonNode, into: dict[str, JsonNode]) -> None:
         _flatten(inner, into)
 
 
-def _intrinsics(fields: dict[str, JsonNode], path: Path) -> tuple[Float64, str]:
+def _intrinsics(fields: dict[str, Node], path: Path) -> tuple[Float64, str]:
     for name in (_COLUMN_MAJOR, *_MATRICES):
         node = fields.get(name)
         if node is None or not is_matrix(node):
@@ -132,7 +132,7 @@ def _intrinsics(fields: dict[str, JsonNode], path: Path) -> tuple[Float64, str]:
     return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]), fields["fx"].where
 
 
-def _number(fields: dict[str, JsonNode], names: tuple[str, ...]) -> float | None:
+def _number(fields: dict[str, Node], names: tuple[str, ...]) -> float | None:
     node = next((fields[name] for name in names if name in fields), None)
     if node is None or isinstance(node.value, bool) or not isinstance(node.value, int | float):
         return None

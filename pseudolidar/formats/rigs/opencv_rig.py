@@ -15,6 +15,7 @@ import numpy as np
 
 from pseudolidar.errors import CalibrationSyntax, CalibrationValue, PseudolidarError
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.rigs.placed import Node
 from pseudolidar.formats.rigs.rig_parts import COEFFICIENTS, LEFT, RIGHT
 from pseudolidar.formats.rigs.rig_reading import (
     RigReading,
@@ -25,7 +26,6 @@ from pseudolidar.formats.rigs.rig_reading import (
 )
 from pseudolidar.formats.rigs.stereo_fields import Eye, StereoFields
 from pseudolidar.formats.rigs.storage import matrix_of, read_storage
-from pseudolidar.formats.rigs.strict_json import JsonNode
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.pose import Pose
@@ -77,9 +77,9 @@ def read_opencv_rig(
     return RigReading(path, form, rectified, raw, tuple(notes))
 
 
-def _parts(files: Mapping[str, Path], limits: Limits) -> list[tuple[Eye, JsonNode]]:
+def _parts(files: Mapping[str, Path], limits: Limits) -> list[tuple[Eye, Node]]:
     """Trees by eye; of a file with a document for each camera, each by its camera's name."""
-    parts: list[tuple[Eye, JsonNode]] = []
+    parts: list[tuple[Eye, Node]] = []
     for eye, file in files.items():
         documents = read_storage(file, limits=limits)
         if len(documents) == 1:
@@ -97,7 +97,7 @@ def _parts(files: Mapping[str, Path], limits: Limits) -> list[tuple[Eye, JsonNod
     return parts
 
 
-def _camera_eye(node: JsonNode) -> Eye:
+def _camera_eye(node: Node) -> Eye:
     name = node.value.get("camera_name") if isinstance(node.value, dict) else None
     return None if name is None else eye_of(str(name.value))
 
@@ -130,7 +130,7 @@ def _size(fields: StereoFields, size_px: tuple[int, int] | None) -> tuple[int, i
     return size_px
 
 
-def _whole(node: JsonNode) -> int:
+def _whole(node: Node) -> int:
     if isinstance(node.value, bool) or not isinstance(node.value, int) or node.value < 1:
         raise CalibrationSyntax(
             f"{node.value!r}"[:40],

@@ -12,7 +12,7 @@ import json
 import numpy as np
 
 from pseudolidar.errors import CalibrationField, CalibrationSyntax, CalibrationValue
-from pseudolidar.formats.rigs.strict_json import JsonNode
+from pseudolidar.formats.rigs.placed import Node
 from pseudolidar.structures.arrays import Float64
 
 MINIMAL_RIG = (
@@ -22,8 +22,8 @@ MINIMAL_RIG = (
 
 
 def fields_of(
-    node: JsonNode, required: tuple[str, ...], optional: tuple[str, ...] = ()
-) -> dict[str, JsonNode]:
+    node: Node, required: tuple[str, ...], optional: tuple[str, ...] = ()
+) -> dict[str, Node]:
     """Fields of an object that has all `required` keys and no unknown one."""
     if not isinstance(node.value, dict):
         raise wrong(node, "an object { }")
@@ -42,28 +42,28 @@ def fields_of(
     return node.value
 
 
-def number(node: JsonNode) -> float:
+def number(node: Node) -> float:
     """A number."""
     if isinstance(node.value, bool) or not isinstance(node.value, int | float):
         raise wrong(node, "a number")
     return float(node.value)
 
 
-def count(node: JsonNode) -> int:
+def count(node: Node) -> int:
     """A whole number of pixels, at least 1."""
     if isinstance(node.value, bool) or not isinstance(node.value, int) or node.value < 1:
         raise wrong(node, "a whole number of pixels, 1 or more")
     return node.value
 
 
-def text(node: JsonNode) -> str:
+def text(node: Node) -> str:
     """A text."""
     if not isinstance(node.value, str):
         raise wrong(node, "text in double quotes")
     return node.value
 
 
-def numbers(node: JsonNode, length: int | None = None) -> Float64:
+def numbers(node: Node, length: int | None = None) -> Float64:
     """(n,) numbers; `length` of them where it is given."""
     if not isinstance(node.value, tuple):
         raise wrong(node, "a list of numbers [ ]")
@@ -74,14 +74,14 @@ def numbers(node: JsonNode, length: int | None = None) -> Float64:
     return np.array([number(item) for item in node.value], dtype=np.float64)
 
 
-def matrix(node: JsonNode) -> Float64:
+def matrix(node: Node) -> Float64:
     """(3, 3) numbers."""
     if not isinstance(node.value, tuple) or len(node.value) != 3:
         raise wrong(node, "3 rows of 3 numbers, [[ ], [ ], [ ]]")
     return np.stack([numbers(row, 3) for row in node.value])
 
 
-def wrong(node: JsonNode, want: str) -> CalibrationSyntax:
+def wrong(node: Node, want: str) -> CalibrationSyntax:
     """The error of a value of another form than `want`."""
     match node.value:
         case dict():
@@ -93,7 +93,7 @@ def wrong(node: JsonNode, want: str) -> CalibrationSyntax:
     return CalibrationSyntax(got, want=want, path=node.path, where=node.where)
 
 
-def lacks(node: JsonNode, key: str) -> CalibrationField:
+def lacks(node: Node, key: str) -> CalibrationField:
     """The error of an object without `key`."""
     found = ", ".join(node.value) if isinstance(node.value, dict) else ""
     return CalibrationField(
@@ -105,7 +105,7 @@ def lacks(node: JsonNode, key: str) -> CalibrationField:
     )
 
 
-def at_node(error: CalibrationValue, node: JsonNode) -> CalibrationValue:
+def at_node(error: CalibrationValue, node: Node) -> CalibrationValue:
     """The error with the place of `node`."""
     return CalibrationValue(
         error.got, want=error.want, fix=error.fix, path=node.path, where=node.where

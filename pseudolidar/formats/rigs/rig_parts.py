@@ -16,6 +16,7 @@ from pseudolidar.errors import (
     CalibrationValue,
     StructureError,
 )
+from pseudolidar.formats.rigs.placed import Node
 from pseudolidar.formats.rigs.rig_fields import (
     at_node,
     count,
@@ -26,7 +27,6 @@ from pseudolidar.formats.rigs.rig_fields import (
     numbers,
     text,
 )
-from pseudolidar.formats.rigs.strict_json import JsonNode
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera, DisparityCorrection
 from pseudolidar.structures.pose import Pose, rotation_error
@@ -38,7 +38,7 @@ COEFFICIENTS = {"pinhole": (0, 4, 5, 8, 12, 14), "fisheye": (0, 4)}
 LARGEST_BASELINE_M = 10.0
 
 
-def camera(node: JsonNode, size_px: tuple[int, int], frame: str) -> Camera:
+def camera(node: Node, size_px: tuple[int, int], frame: str) -> Camera:
     """A camera; `size_px` is its size unless it says another."""
     optional = ("K", "fx", "fy", "cx", "cy", "distortion", "model", "width_px", "height_px")
     fields = fields_of(node, (), optional)
@@ -71,7 +71,7 @@ def camera(node: JsonNode, size_px: tuple[int, int], frame: str) -> Camera:
         raise at_node(error, fields.get("K", node)) from None
 
 
-def _intrinsics(node: JsonNode, fields: Mapping[str, JsonNode]) -> Float64:
+def _intrinsics(node: Node, fields: Mapping[str, Node]) -> Float64:
     by_name = [key for key in ("fx", "fy", "cx", "cy") if key in fields]
     if "K" in fields and by_name:
         raise CalibrationField(
@@ -95,7 +95,7 @@ def _intrinsics(node: JsonNode, fields: Mapping[str, JsonNode]) -> Float64:
     return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], dtype=np.float64)
 
 
-def T_right_left(root: JsonNode, fields: Mapping[str, JsonNode]) -> Pose:
+def T_right_left(root: Node, fields: Mapping[str, Node]) -> Pose:
     """The pose of the cameras to each other, from `baseline_m` or `T_right_left`."""
     given = [key for key in ("baseline_m", "T_right_left") if key in fields]
     if len(given) != 1:
@@ -125,7 +125,7 @@ def T_right_left(root: JsonNode, fields: Mapping[str, JsonNode]) -> Pose:
     return _checked_length(pose, node)
 
 
-def _checked_length(pose: Pose, node: JsonNode) -> Pose:
+def _checked_length(pose: Pose, node: Node) -> Pose:
     distance_m = float(np.linalg.norm(pose.translation_m))
     if distance_m > LARGEST_BASELINE_M:
         raise CalibrationValue(
@@ -138,12 +138,12 @@ def _checked_length(pose: Pose, node: JsonNode) -> Pose:
     return pose
 
 
-def optional_pose(fields: Mapping[str, JsonNode], key: str, dst: str, src: str) -> Pose | None:
+def optional_pose(fields: Mapping[str, Node], key: str, dst: str, src: str) -> Pose | None:
     """`T_dst_src` under `key`, if it is there."""
     return _pose(fields[key], dst, src) if key in fields else None
 
 
-def _pose(node: JsonNode, dst: str, src: str) -> Pose:
+def _pose(node: Node, dst: str, src: str) -> Pose:
     fields = fields_of(node, ("R", "t_m"))
     R, t_m = matrix(fields["R"]), numbers(fields["t_m"], 3)
     try:
@@ -157,7 +157,7 @@ def _pose(node: JsonNode, dst: str, src: str) -> Pose:
         ) from None
 
 
-def correction(node: JsonNode) -> DisparityCorrection:
+def correction(node: Node) -> DisparityCorrection:
     """The disparity correction."""
     fields = fields_of(node, ("coefficients", "residual_px"), ("origin",))
     origin = text(fields["origin"]) if "origin" in fields else ""

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Literal
 
 from pseudolidar.errors import CalibrationField, CalibrationSyntax
+from pseudolidar.formats.rigs.placed import Node
 from pseudolidar.formats.rigs.storage import is_matrix, matrix_of
-from pseudolidar.formats.rigs.strict_json import JsonNode
 from pseudolidar.structures.arrays import Float64
 
 Eye = Literal["left", "right"] | None
@@ -58,19 +58,19 @@ class StereoFields:
     """
 
     path: Path
-    nodes: Mapping[str, JsonNode]
+    nodes: Mapping[str, Node]
     shown: Mapping[str, str]
     eyes: tuple[str, str]
 
     @classmethod
-    def of(cls, path: Path, parts: Sequence[tuple[Eye, JsonNode]]) -> StereoFields:
+    def of(cls, path: Path, parts: Sequence[tuple[Eye, Node]]) -> StereoFields:
         """The values of trees, each of one eye, or of both.
 
         Raises:
             CalibrationSyntax: a file that is no mapping.
             CalibrationField: one name in two files, or no camera of a pair.
         """
-        nodes: dict[str, JsonNode] = {}
+        nodes: dict[str, Node] = {}
         shown: dict[str, str] = {}
         for eye, root in parts:
             for name, node in _flat(root, eye or ""):
@@ -94,7 +94,7 @@ class StereoFields:
     def _both(self, kind: str) -> bool:
         return all(self.node(kind, eye) is not None for eye in (0, 1))
 
-    def node(self, kind: str, eye: int | None = None) -> JsonNode | None:
+    def node(self, kind: str, eye: int | None = None) -> Node | None:
         """The value of a kind of `NAMES` for an eye, or of `SHARED`; None where there is none."""
         if eye is None:
             names = SHARED[kind]
@@ -134,7 +134,7 @@ class StereoFields:
         )
 
 
-def _flat(node: JsonNode, name: str) -> Iterator[tuple[str, JsonNode]]:
+def _flat(node: Node, name: str) -> Iterator[tuple[str, Node]]:
     """Values with their path, `left.K`; matrices are values."""
     if isinstance(node.value, dict) and not is_matrix(node):
         for key, inner in node.value.items():

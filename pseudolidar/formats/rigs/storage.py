@@ -17,7 +17,8 @@ from pseudolidar.errors import (
     CalibrationValue,
 )
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.rigs.strict_json import JsonNode, parse_json
+from pseudolidar.formats.rigs.placed import Node
+from pseudolidar.formats.rigs.strict_json import parse_json
 from pseudolidar.formats.rigs.strict_xml import parse_xml
 from pseudolidar.formats.rigs.strict_yaml import MATRIX_TYPES, TYPE_KEY, parse_yaml
 from pseudolidar.formats.text import read_lines
@@ -39,7 +40,7 @@ WHOLE_ELEMENTS = "ucwsi"
 _SHAPE_KEYS = ("rows", "cols")
 
 
-def read_storage(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> tuple[JsonNode, ...]:
+def read_storage(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> tuple[Node, ...]:
     """The documents of a file, YAML, XML or JSON by its content; one but for YAML's `---`.
 
     Raises:
@@ -56,7 +57,7 @@ def read_storage(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> tuple[JsonNo
     return (parse_json(text, path),) if start == "{" else parse_yaml(text, path)
 
 
-def is_matrix(node: JsonNode) -> bool:
+def is_matrix(node: Node) -> bool:
     """Whether a value has the form of a matrix: OpenCV's, ROS's, or a list."""
     if isinstance(node.value, dict):
         kind = node.value.get(TYPE_KEY)
@@ -64,7 +65,7 @@ def is_matrix(node: JsonNode) -> bool:
     return isinstance(node.value, tuple)
 
 
-def matrix_of(node: JsonNode) -> Float64:
+def matrix_of(node: Node) -> Float64:
     """(rows, cols) numbers of a matrix, its channels side by side; of a flat list, one row.
 
     Raises:
@@ -103,7 +104,7 @@ def matrix_of(node: JsonNode) -> Float64:
     return np.array(numbers, dtype=np.float64).reshape(rows, cols * channels)
 
 
-def _of_rows(node: JsonNode) -> Float64:
+def _of_rows(node: Node) -> Float64:
     """A list of numbers, or a list of rows of them."""
     assert isinstance(node.value, tuple)
     if len(node.value) > LARGEST_MATRIX:
@@ -118,7 +119,7 @@ def _of_rows(node: JsonNode) -> Float64:
     return np.array([[_number(item, "d") for item in row or ()] for row in rows], dtype=np.float64)
 
 
-def _shape(fields: dict[str, JsonNode]) -> tuple[int, int]:
+def _shape(fields: dict[str, Node]) -> tuple[int, int]:
     """(rows, cols); OpenCV 5 writes a vector with its `sizes` alone."""
     if "sizes" not in fields:
         rows, cols = (_size(fields[key], key) for key in _SHAPE_KEYS)
@@ -131,7 +132,7 @@ def _shape(fields: dict[str, JsonNode]) -> tuple[int, int]:
     return (1, found[0]) if len(found) == 1 else (found[0], found[1])
 
 
-def _size(node: JsonNode, key: str) -> int:
+def _size(node: Node, key: str) -> int:
     value = node.value
     if isinstance(value, bool) or not isinstance(value, int):
         raise _refused(node, f"{key} {value!r}"[:40], "a whole number, 1 or more")
@@ -140,7 +141,7 @@ def _size(node: JsonNode, key: str) -> int:
     return value
 
 
-def _element(node: JsonNode | None) -> tuple[int, str]:
+def _element(node: Node | None) -> tuple[int, str]:
     """Channels and letter of an element type such as `d` or `3f`; float64 where it is not said."""
     if node is None:
         return 1, "d"
@@ -151,7 +152,7 @@ def _element(node: JsonNode | None) -> tuple[int, str]:
     return int(count), letter
 
 
-def _number(node: JsonNode, element: str) -> float:
+def _number(node: Node, element: str) -> float:
     value = node.value
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise _refused(node, f"{value!r}"[:40], "a finite decimal number such as -1.5e-3")
@@ -166,5 +167,5 @@ def _number(node: JsonNode, element: str) -> float:
     return float(value)
 
 
-def _refused(node: JsonNode, got: str, want: str) -> CalibrationSyntax:
+def _refused(node: Node, got: str, want: str) -> CalibrationSyntax:
     return CalibrationSyntax(got, want=want, path=node.path, where=node.where)

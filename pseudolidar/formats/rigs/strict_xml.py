@@ -6,20 +6,11 @@ place, so that nothing is fetched and nothing grows.
 
 from __future__ import annotations
 
-import bisect
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pseudolidar.errors import CalibrationField, CalibrationSyntax
-from pseudolidar.formats.rigs.strict_json import (
-    DEEPEST,
-    EXACT_INTEGER,
-    MOST_VALUES,
-    JsonNode,
-    Value,
-    too_many_values,
-)
+from pseudolidar.formats.rigs.placed import DEEPEST, EXACT_INTEGER, Node, Places, Value
 from pseudolidar.formats.rigs.strict_yaml import TYPE_KEY
 from pseudolidar.formats.text import LONGEST_SHOWN, NUMBER
 
@@ -43,11 +34,11 @@ class _Element:
     name: str
     at: int
     type_id: str | None
-    children: list[tuple[str, JsonNode, int]] = field(default_factory=list)
+    children: list[tuple[str, Node, int]] = field(default_factory=list)
     words: list[tuple[str, int]] = field(default_factory=list)
 
 
-def parse_xml(text: str, path: str | Path) -> JsonNode:
+def parse_xml(text: str, path: str | Path) -> Node:
     """The tree below `<opencv_storage>`, a matrix as a mapping with its `type_id`.
 
     Raises:
@@ -62,26 +53,9 @@ class _Parser:
     """One pass over the text with a stack of open elements."""
 
     def __init__(self, text: str, path: str) -> None:
-        self.text, self.path = text, path
-        self.lines = [0, *(match.end() for match in re.finditer("\n", text))]
-        self.values = 0
+        self.text, self.places = text, Places(text, path)
 
-    def line(self, at: int) -> int:
-        return bisect.bisect(self.lines, at)
-
-    def place(self, at: int) -> str:
-        return f"line {self.line(at)}, column {at - self.lines[self.line(at) - 1] + 1}"
-
-    def error(self, at: int, got: str, want: str) -> CalibrationSyntax:
-        return CalibrationSyntax(got, want=want, path=self.path, where=self.place(at))
-
-    def count(self, at: int) -> None:
-        """Refuse more values than any calibration has."""
-        self.values += 1
-        if self.values > MOST_VALUES:
-            raise too_many_values(self.path, self.place(at))
-
-    def document(self) -> JsonNode:
+    def document(self) -> Node:
         prolog = _PROLOG.match(self.text)
         at = self.space(prolog.end() if prolog else 0)
         stack: list[_Element] = []
@@ -96,10 +70,12 @@ class _Parser:
                 at = self.worded(at, stack)
             at = self.space(at)
         if self.space(at) < len(self.text):
-            raise self.error(self.space(at), "text behind the last element", "the end of the file")
+            raise self.places.error(
+                self.space(at), "text behind the last element", "the end of the file"
+            )
         ((name, node, start),) = stack[0].children
         if name != ROOT:
-            raise self.error(start, f"<{name}>", f"<{ROOT}>")
+            raise self.places.error(start, f"<{name}>", f"<{ROOT}>")
         return node
 
     def space(self, at: int) -> int:
@@ -111,19 +87,19 @@ class _Parser:
                 return at
             match = _COMMENT.match(self.text, at)
             if match is None:
-                raise self.error(at, "a comment without its end", "-->")
+                raise self.places.error(at, "a comment without its end", "-->")
             at = match.end()
 
     def opened(self, at: int, stack: list[_Element]) -> int:
         match = _OPEN.match(self.text, at)
         if match is None:
-            raise self.error(at, repr(self.text[at : at + LONGEST_SHOWN]), "an element")
+            raise self.places.error(at, repr(self.text[at : at + LONGEST_SHOWN]), "an element")
         if not stack:
             stack.append(_Element("", at, None))
         if len(stack) > DEEPEST + 1:
-            raise self.error(at, f"more than {DEEPEST} levels deep", "less")
+            raise self.places.error(at, f"more than {DEEPEST} levels deep", "less")
         attributes = dict(_ATTRIBUTE.findall(match[2]))
-        self.count(at)
+        self.places.count(at)
         stack.append(_Element(match[1], at, attributes.get(TYPE_KEY)))
         if match[3]:
             self.finish(stack)
@@ -134,7 +110,7 @@ class _Parser:
         name = stack[-1].name if stack else ""
         if match is None or match[1] != name or not name:
             found = repr(self.text[at : at + LONGEST_SHOWN])
-            raise self.error(at, found, f"</{name}>" if name else "an element")
+            raise self.places.error(at, found, f"</{name}>" if name else "an element")
         self.finish(stack)
         return match.end()
 
@@ -147,47 +123,44 @@ class _Parser:
         match = _WORD.match(self.text, at)
         if not stack or match is None:
             found = repr(self.text[at : at + LONGEST_SHOWN]) if at < len(self.text) else "the end"
-            raise self.error(at, found, f"</{stack[-1].name}>" if stack else f"<{ROOT}>")
+            raise self.places.error(at, found, f"</{stack[-1].name}>" if stack else f"<{ROOT}>")
         word = match[0]
-        self.count(at)
+        self.places.count(at)
         stack[-1].words.append((word, at))
         return at + len(word)
 
     # --- elements to values --------------------------------------------------------------------
 
-    def node(self, element: _Element, name: str) -> JsonNode:
-        where = f"{name}, {self.place(element.at)}"
+    def node(self, element: _Element, name: str) -> Node:
+        where = f"{name}, {self.places.told(element.at)}"
         if element.children and element.words:
-            raise self.error(element.words[0][1], "text beside elements", "one of the two")
+            raise self.places.error(element.words[0][1], "text beside elements", "one of the two")
         if not element.children:
             return self.words_node(element, name, where)
         names = {child for child, _, _ in element.children}
         if names == {ITEM}:
-            return JsonNode(tuple(node for _, node, _ in element.children), where, self.path)
-        return JsonNode(self.fields(element, where), where, self.path)
+            return Node(tuple(node for _, node, _ in element.children), where, self.places.path)
+        return Node(self.fields(element, where), where, self.places.path)
 
-    def fields(self, element: _Element, where: str) -> dict[str, JsonNode]:
-        found: dict[str, JsonNode] = {}
+    def fields(self, element: _Element, where: str) -> dict[str, Node]:
+        found: dict[str, Node] = {}
         if element.type_id is not None:
-            found[TYPE_KEY] = JsonNode(element.type_id, where, self.path)
+            found[TYPE_KEY] = Node(element.type_id, where, self.places.path)
         places: dict[str, int] = {}
         for name, node, at in element.children:
             if name in places:
-                lines = f"lines {self.line(places[name])} and {self.line(at)}"
-                raise CalibrationField(
-                    f"{name!r} twice", want="once", fix="Remove one.", path=self.path, where=lines
-                )
+                raise self.places.twice(name, places[name], at)
             places[name], found[name] = at, node
         return found
 
-    def words_node(self, element: _Element, name: str, where: str) -> JsonNode:
+    def words_node(self, element: _Element, name: str, where: str) -> Node:
         nodes = tuple(
-            JsonNode(self.scalar(word, at), f"{name}, {self.place(at)}", self.path)
+            Node(self.scalar(word, at), f"{name}, {self.places.told(at)}", self.places.path)
             for word, at in element.words
         )
         if not nodes:
-            return JsonNode(None, where, self.path)
-        return nodes[0] if len(nodes) == 1 else JsonNode(nodes, where, self.path)
+            return Node(None, where, self.places.path)
+        return nodes[0] if len(nodes) == 1 else Node(nodes, where, self.places.path)
 
     def scalar(self, word: str, at: int) -> Value:
         if word.startswith('"') and len(word) > 1:
@@ -201,7 +174,9 @@ class _Parser:
     def unescaped(self, word: str, at: int) -> str:
         def replaced(match: re.Match[str]) -> str:
             if match[1] not in _ENTITIES or not match[0].endswith(";"):
-                raise self.error(at, f"entity {match[0]!r}", "one of &lt; &gt; &amp; &quot; &apos;")
+                raise self.places.error(
+                    at, f"entity {match[0]!r}", "one of &lt; &gt; &amp; &quot; &apos;"
+                )
             return _ENTITIES[match[1]]
 
         return _ENTITY.sub(replaced, word)
