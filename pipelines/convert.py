@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 from pseudolidar.clouds.beams import BeamCount, Beams
+from pseudolidar.clouds.correct import Guide, Scan
 from pseudolidar.clouds.crop import Box, Range
 from pseudolidar.clouds.ground import Label, Remove
 from pseudolidar.clouds.normals import Normals
@@ -101,6 +102,8 @@ class Convert:
         check_maps: look up in the pictures whether that scale is the right one.
         sigma_px: error (68 %) of such maps, px of disparity; unknown by default.
         reproject: which pixels become points, and how.
+        guide: correct the metres of each cloud by the LiDAR scan of its frame, or by a few beams
+            of it (scan:4, scan:16); adds a column `guided`. Disparities stay as they are.
         outliers: which points are removed of clouds of any origin; `clean` is for disparities.
         ground: what happens to the ground's points: label them (column `ground`), or remove them.
         crop: only points in a box, or at some distance.
@@ -147,6 +150,7 @@ class Convert:
     check_maps: Annotated[bool, RUN_ONLY] = True
     sigma_px: float | None = None
     reproject: Reproject = field(default_factory=Reproject)
+    guide: Scan | None = None
     outliers: Lonely | None = None
     ground: Label | Remove | None = None
     crop: Box | Range | None = None
@@ -230,6 +234,7 @@ class ConvertFrame:
         refine: disparity to a smoother or denser one.
         least_density: share of pixels that must have a disparity: given maps may be sparse.
         reproject: disparity to points.
+        guide: points corrected by the scan of their frame.
         frame: coordinate frame of the clouds, None for the usual one of what a frame knows.
         tools: what is done to clouds in that frame.
         encode: all that to the bytes of files and recording.
@@ -240,6 +245,7 @@ class ConvertFrame:
     refine: MapFilters
     least_density: float
     reproject: Reprojector
+    guide: Guide
     frame: CloudFrame | None
     tools: CloudTools
     encode: FrameEncoder
@@ -257,6 +263,7 @@ class ConvertFrame:
         given = given_maps(job.given, source)
         matcher: StereoMatcher = given or job.matcher.load(min_depth_m=nearest_m)
         reproject = job.reproject.load()
+        guide = Guide.unused() if job.guide is None else job.guide.load(pairs_of(source).rig)
         clean = Cleaner.load(None if given else job.clean)
         refine = MapFilters.load(job.smooth, job.fill)
         if job.temporal is not None:
@@ -268,7 +275,7 @@ class ConvertFrame:
         trees = Trees.of(job.to.trees, job.kitti, job.colmap, source)
         encode = FrameEncoder(job.to, job.mcap, trees, sampled_frames(source.ids))
         least = 0.0 if given else MIN_DENSITY
-        plain = cls(matcher, clean, refine, least, reproject, job.frame, tools, encode)
+        plain = cls(matcher, clean, refine, least, reproject, guide, job.frame, tools, encode)
         if not job.video:
             return plain
         artist = PreviewArtist.of(job.preview, source, plain.converted, crew=job.crew)
@@ -303,6 +310,7 @@ class ConvertFrame:
     def pair(self, frame: StereoFrame) -> Converted:
         """Match, refine, clean, reproject."""
         check_pair(frame)
+        self.guide.check(frame)
         matched = self.matcher(frame)
         check_texture(frame, matched, least=self.least_density)
         refined, counts = self.refine(frame, matched)
@@ -311,10 +319,11 @@ class ConvertFrame:
         depth = depth_map(disparity, frame.rig)
         frame = replace(frame, notes=(*frame.notes, *scale_notes(frame, disparity, depth)))
         T_frame_left = left_in(frame.rig, self.frame or default_frame(frame.rig))
-        cloud = self.reproject(frame, disparity).transformed(T_frame_left)
+        cloud, depth, guided = self.guide(frame, self.reproject(frame, disparity), depth)
+        cloud = cloud.transformed(T_frame_left)
         check_points(frame, cloud, cleaned.counts)
-        counts = {**counts, **cleaned.counts}
-        return Converted(frame, cloud, disparity, depth, counts, cleaned.reason)
+        figures: dict[str, float] = {**counts, **cleaned.counts, **guided}
+        return Converted(frame, cloud, disparity, depth, figures, cleaned.reason)
 
 
 def opened(job: Convert) -> FrameSequence[Frame]:

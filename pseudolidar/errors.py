@@ -330,6 +330,10 @@ class RecordingError(PseudolidarError):
     advice = "Record or copy the file again; recover saves what is whole of it."
 
 
+class ScanMissing(PseudolidarError):
+    """A LiDAR scan is needed where there is none."""
+
+
 class ReferenceMissing(PseudolidarError):
     """An evaluation was asked for where there is no ground truth."""
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pseudolidar.clouds.correct import ANCHORED, GUIDED_SHARE, MOVED_PX
 from pseudolidar.running.products.outputs import Outputs, folder_of
 from pseudolidar.running.products.preview import PREVIEW_NAME
 from pseudolidar.running.removed import removed_lines
@@ -47,8 +49,24 @@ class ConvertReport:
             if "density" in figures:
                 matched = f", {figures['density']['mean']:.1%} of the pixels matched"
             lines.append(f"  {figures['points']['mean']:.0f} points a frame{matched}")
-            lines += [f"  {line}" for line in removed_lines(figures)]
+            lines += [f"  {line}" for line in (*removed_lines(figures), *guided_lines(figures))]
         opens = [self.out / folder_of(kind) for kind in (*self.to.files, *self.to.trees)]
         opens += sorted(self.out.glob("*.mcap")) if self.to.recording else []
         opens += [path for path in (self.out / PREVIEW_NAME, self.page) if path.exists()]
         return "\n".join([*lines, *(f"  {path}" for path in opens)])
+
+
+def guided_lines(figures: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """How far the clouds were guided by scans, or nothing where they were not.
+
+    Args:
+        figures: mean, least and largest value of each figure of the frames.
+    """
+    if ANCHORED not in figures:
+        return []
+    anchors, least = figures[ANCHORED]["mean"], figures[ANCHORED]["min"]
+    share, moved_px = figures[GUIDED_SHARE]["mean"], figures[MOVED_PX]["mean"]
+    return [
+        f"guided by {anchors:.0f} LiDAR points a frame (at least {least:.0f}): {share:.0%} of the "
+        f"surfaces by beams that meet them, disparities changed by {moved_px:.2f} px (median)"
+    ]
