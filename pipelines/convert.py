@@ -308,7 +308,7 @@ class ConvertFrame:
         return converted.tooled(self.tools)
 
     def pair(self, frame: StereoFrame) -> Converted:
-        """Match, refine, clean, reproject."""
+        """Match, refine, clean, reproject, guide."""
         check_pair(frame)
         self.guide.check(frame)
         matched = self.matcher(frame)
@@ -321,7 +321,11 @@ class ConvertFrame:
         T_frame_left = left_in(frame.rig, self.frame or default_frame(frame.rig))
         cloud, depth, guided = self.guide(frame, self.reproject(frame, disparity), depth)
         cloud = cloud.transformed(T_frame_left)
+        cloud, depth, guided = self.guide(frame, self.reproject(frame, disparity), depth)
+        cloud = cloud.transformed(T_frame_left)
         check_points(frame, cloud, cleaned.counts)
+        figures: dict[str, float] = {**counts, **cleaned.counts, **guided}
+        return Converted(frame, cloud, disparity, depth, figures, cleaned.reason)
         figures: dict[str, float] = {**counts, **cleaned.counts, **guided}
         return Converted(frame, cloud, disparity, depth, figures, cleaned.reason)
 

@@ -128,8 +128,7 @@ class SurfaceGraph:
             )
             x = solver.solve(np.bincount(node, weight * known.value, count))
         share = np.clip(solver.solve(np.bincount(node, weight, count)), 0.0, 1.0)
-        distance, near = self.tree.query(self.steps, min(BLENDED, count))
-        distance, near = distance.reshape(len(near), -1), near.reshape(len(near), -1)
+        distance, near = _nearest(self.tree, self.steps, min(BLENDED, count))
         blend = 1.0 / np.maximum(distance, LEAST_STEPS) ** 2
         blend /= blend.sum(axis=1, keepdims=True)
         return (blend * x[near]).sum(axis=1), (blend * share[near]).sum(axis=1)
@@ -143,6 +142,12 @@ def _cells(*coordinates: Float64) -> Int64:
         cell -= cell.min()
         flat = flat * (cell.max() + 1) + cell
     return np.asarray(np.unique(flat, return_inverse=True)[1], np.int64)
+
+
+def _nearest(tree: cKDTree, positions: Float64, count: int) -> tuple[Float64, Int64]:
+    """(N, count) distances and numbers of the nearest nodes, nearest first."""
+    distance, near = tree.query(positions, np.arange(1, count + 1))
+    return np.asarray(distance, np.float64), np.asarray(near, np.int64)
 
 
 def _shape(nodes: Float64, tree: cKDTree, neighbours: int) -> Any:
@@ -160,8 +165,7 @@ def _shape(nodes: Float64, tree: cKDTree, neighbours: int) -> Any:
     neighbours = min(neighbours, count - 1)
     if neighbours < 1:
         return sparse.csr_matrix((count, count))
-    distance, near = tree.query(nodes, neighbours + 1)
-    distance, near = distance[:, 1:], near[:, 1:]
+    distance, near = (found[:, 1:] for found in _nearest(tree, nodes, neighbours + 1))
     joined = distance <= SAME_SURFACE_STEPS
     apart = np.where(joined, nodes[near, 2] - nodes[:, 2:], 0.0)
     kernel = np.maximum(np.exp(-(distance**2) / 2), LEAST_KERNEL)
@@ -175,7 +179,7 @@ def _shape(nodes: Float64, tree: cKDTree, neighbours: int) -> Any:
     total = weights.sum(axis=1, keepdims=True)
     held = total[:, 0] > 0
     weights = np.divide(weights, total, out=np.zeros_like(weights), where=held[:, None])
-    rows = np.repeat(np.arange(count), neighbours)
-    W = sparse.csr_matrix((weights.ravel(), (rows, near.ravel())), (count, count))
+    starts = np.arange(0, count * neighbours + 1, neighbours)
+    W: Any = sparse.csr_matrix((weights.ravel(), near.ravel(), starts), (count, count))
     rest = sparse.diags(held.astype(np.float64)) - W
     return (rest.T @ rest) / SHAPE_PX**2

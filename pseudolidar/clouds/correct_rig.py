@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.camera import DisparityCorrection
 from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
 
 # Errors of neighbouring points are correlated: those of one scan tell as much as so many
 # independent ones. Measured on KITTI stereo 2015 with 4 level beams, which leave the ground near
-# the car unknown: error at 5-10 m 0.97, 0.82, 1.05, 1.38 % with 10, 30, 100, 300; beyond 30 m alike.
+# the car unknown: error at 5-10 m 0.97, 0.82, 1.05, 1.38 % with 10, 30, 100, 300; beyond 30 m
+# no difference.
 INDEPENDENT = 30
-# Coefficients are expected within so many times the error that the rig is known to have.
-PRIOR_PER_SYSTEMATIC = 2.0
+# Coefficients are expected within so many times the error that the rig is known to have, px.
+PRIOR_PER_SYSTEMATIC, LEAST_PRIOR_PX = 2.0, 0.05
 # Width of the Cauchy distribution that weighs residuals, per 68 % of them.
 CAUCHY_PER_SIGMA = 0.55
 LEAST_SCALE = 1e-3
@@ -55,9 +55,8 @@ def rig_error(
         systematic_px: error that the rig is known to have.
     """
     count = features.shape[1]
-    assert count == len(DisparityCorrection.features(*np.zeros((3, 1)), (2, 2))[0])
     precision = 1.0 / sigma_px**2
-    prior_px = PRIOR_PER_SYSTEMATIC * systematic_px
+    prior_px = max(LEAST_PRIOR_PX, PRIOR_PER_SYSTEMATIC * systematic_px)
     coefficients = np.zeros(count)
     coefficients[0] = np.median(error_px)
     for _ in range(ITERATIONS):
