@@ -321,11 +321,7 @@ class ConvertFrame:
         T_frame_left = left_in(frame.rig, self.frame or default_frame(frame.rig))
         cloud, depth, guided = self.guide(frame, self.reproject(frame, disparity), depth)
         cloud = cloud.transformed(T_frame_left)
-        cloud, depth, guided = self.guide(frame, self.reproject(frame, disparity), depth)
-        cloud = cloud.transformed(T_frame_left)
         check_points(frame, cloud, cleaned.counts)
-        figures: dict[str, float] = {**counts, **cleaned.counts, **guided}
-        return Converted(frame, cloud, disparity, depth, figures, cleaned.reason)
         figures: dict[str, float] = {**counts, **cleaned.counts, **guided}
         return Converted(frame, cloud, disparity, depth, figures, cleaned.reason)
 
