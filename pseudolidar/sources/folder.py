@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar
 
-from pseudolidar.errors import (
-    PseudolidarError,
-    SourceEmpty,
-    SourceUnknown,
-    UsageError,
-)
+from pseudolidar.errors import PseudolidarError, SourceEmpty, SourceUnknown, UsageError
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.pictures.image import read_image, read_size
+from pseudolidar.formats.pictures.image import read_size
 from pseudolidar.formats.rigs.rig_file import find_rig, read_any_rig
 from pseudolidar.formats.rigs.rig_json import missing_rig, rig_warnings
 from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit
 from pseudolidar.formats.time_table import read_time_table
+from pseudolidar.sources.folder_frames import FolderSource
 from pseudolidar.sources.folder_layout import (
     Layout,
     explicit_layout,
@@ -37,8 +32,6 @@ from pseudolidar.sources.stamps import (
     read_frame_times,
     synthetic_times,
 )
-from pseudolidar.structures.camera import StereoRig
-from pseudolidar.structures.frame import StereoFrame
 
 RIG_FILE = "rig.json"
 # Pictures that are looked at for their size before a rig without one is refused.
@@ -139,86 +132,6 @@ class Folders:
                 path=folder,
             )
         return layout
-
-
-@dataclass(frozen=True, eq=False)
-class FolderSource:
-    """An opened folder of pairs.
-
-    Args:
-        summary: what it is.
-        ids: names of the frames.
-        timestamps_ns: times of the frames.
-        refused: frames with one eye only, and the like.
-        lefts: left pictures.
-        rights: right pictures.
-        rigs: one for all frames, or one for each.
-        scale_calibration: scale the rig to the pictures.
-        limits: caps on the pictures.
-    """
-
-    summary: SourceSummary
-    ids: tuple[str, ...]
-    timestamps_ns: tuple[int, ...]
-    refused: tuple[tuple[str, PseudolidarError], ...]
-    lefts: tuple[Path, ...]
-    rights: tuple[Path, ...]
-    rigs: tuple[StereoRig, ...] = field(repr=False)
-    scale_calibration: bool = False
-    limits: Limits = DEFAULT_LIMITS
-    yields: ClassVar = StereoFrame
-
-    @property
-    def rig(self) -> StereoRig:
-        """Rig of the first frame."""
-        return self.rigs[0]
-
-    def load(self, index: int) -> StereoFrame:
-        """Read and decode a pair.
-
-        Raises:
-            ImageMissing, ImageUnreadable, ImageTruncated, ImageFormat, LimitError: as `read_image`.
-            PairMismatch: left and right differ in size, channels or depth.
-            CalibrationSizeMismatch: the rig is for another size.
-        """
-        left = read_image(self.lefts[index], limits=self.limits)
-        right = read_image(self.rights[index], limits=self.limits)
-        height, width = left.pixels.shape[:2]
-        rig = self._rig_of(index)
-        if self.scale_calibration and rig.left.size_px != (width, height):
-            rig = rig.scaled_to(width, height)
-        try:
-            return StereoFrame(
-                left.pixels,
-                right.pixels,
-                rig,
-                self.ids[index],
-                index,
-                self.timestamps_ns[index],
-                notes=tuple(dict.fromkeys(left.notes + right.notes)),
-            )
-        except PseudolidarError as error:
-            raise error.located(self.lefts[index]) from None
-
-    def check_sizes(self) -> None:
-        """Raise `CalibrationSizeMismatch` if no picture has the size of the rig."""
-        mismatch: PseudolidarError | None = None
-        for index, path in enumerate(self.lefts):
-            try:
-                width, height = read_size(path, limits=self.limits)
-            except PseudolidarError:
-                continue  # its frame is refused when it is loaded
-            try:
-                self._rig_of(index).check_size(width, height)
-            except PseudolidarError as error:
-                mismatch = mismatch or error.located(path)
-            else:
-                return
-        if mismatch is not None:
-            raise mismatch
-
-    def _rig_of(self, index: int) -> StereoRig:
-        return self.rigs[index if len(self.rigs) > 1 else 0]
 
 
 def seen_in(folder: Path) -> str:

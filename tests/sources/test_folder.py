@@ -27,7 +27,8 @@ from pseudolidar.errors import (
 from pseudolidar.formats.limits import Limits
 from pseudolidar.formats.pictures.image import decode_image, encode_jpeg, encode_png
 from pseudolidar.formats.rigs.rig_json import read_rig, write_rig
-from pseudolidar.sources.folder import Folders, FolderSource
+from pseudolidar.sources.folder import Folders
+from pseudolidar.sources.folder_frames import FolderSource
 from pseudolidar.sources.names import LONGEST_ID_BYTES, natural_key, safe_id
 
 WIDTH, HEIGHT = 64, 48

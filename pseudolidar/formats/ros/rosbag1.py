@@ -5,29 +5,35 @@ Source: wiki.ros.org/Bags/Format/2.0.
 
 from __future__ import annotations
 
-import bz2
-import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from io import FileIO
 from pathlib import Path
 
-import lz4.frame  # type: ignore[import-untyped]
 import numpy as np
 
 from pseudolidar.errors import PseudolidarError, RecordingError
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.mcap.records import broken
 from pseudolidar.formats.recordings.message_store import ROS1, Channel, FileState, Place
+from pseudolidar.formats.ros.rosbag1_records import (
+    OP_CHUNK,
+    OP_CONNECTION,
+    OP_INDEX,
+    OP_MESSAGE,
+    Record,
+    header_fields,
+    inner_records,
+    message_at,
+    read_record,
+    unpacked,
+)
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.structures.arrays import AnyArray, Int64
 
 MAGIC = b"#ROSBAG V2.0\n"
-_OP_MESSAGE, _OP_INDEX, _OP_CHUNK, _OP_CONNECTION = 2, 4, 5, 7
-_LENGTH = struct.Struct("<I")
-_INDEX_ENTRY = np.dtype([("s", "<u4"), ("ns", "<u4"), ("offset", "<u4")])
 ENTRY = np.dtype([("time", "<i8"), ("chunk", "<i8"), ("offset", "<i8")])
-MOST_HEADER_BYTES = 2**20
+_INDEX_ENTRY = np.dtype([("s", "<u4"), ("ns", "<u4"), ("offset", "<u4")])
 
 
 def open_bag(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> Ros1Store:
@@ -88,9 +94,9 @@ class Ros1Store:
                 for at in sorted(range(len(entries)), key=lambda n: int(entries[n]["chunk"])):
                     if int(entries[at]["chunk"]) != start:
                         start = int(entries[at]["chunk"])
-                        record = _read_record(file, start, self.state.size_bytes, self.limits)
-                        chunk = _unpacked(record, self.limits)
-                    found[at] = bytes(_message(chunk, int(entries[at]["offset"]), start))
+                        record = read_record(file, start, self.state.size_bytes, self.limits)
+                        chunk = unpacked(record, self.limits)
+                    found[at] = bytes(message_at(chunk, int(entries[at]["offset"]), start))
         except PseudolidarError as error:
             raise error.located(self.state.path) from error.__cause__
         return [found[at] for at in range(len(places))]
@@ -103,34 +109,14 @@ class Ros1Store:
                 if int(entry["chunk"]) != start:
                     start = int(entry["chunk"])
                     try:
-                        record = _read_record(file, start, self.state.size_bytes, self.limits)
-                        chunk = _unpacked(record, self.limits)
+                        record = read_record(file, start, self.state.size_bytes, self.limits)
+                        chunk = unpacked(record, self.limits)
                     except RecordingError:
                         chunk = b""
                 try:
-                    yield _message(chunk, int(entry["offset"]), start)[:size]
+                    yield message_at(chunk, int(entry["offset"]), start)[:size]
                 except RecordingError:
                     yield b""
-
-
-@dataclass(frozen=True)
-class _Record:
-    """A record: its header's fields, its data, and where it begins and ends."""
-
-    fields: dict[bytes, bytes]
-    data: bytes | memoryview
-    offset: int
-    end: int
-
-    @property
-    def op(self) -> int:
-        return self.fields.get(b"op", b"\0")[0]
-
-    def number(self, name: bytes) -> int:
-        value = self.fields.get(name, b"")
-        if not 1 <= len(value) <= 8:
-            raise broken(f"a record without {name.decode()}", self.offset)
-        return int.from_bytes(value, "little")
 
 
 class _Listing:
@@ -142,7 +128,7 @@ class _Listing:
         self._entries: dict[int, list[AnyArray]] = {}
         self._notes: list[str] = []
         # A chunk whose index records are awaited.
-        self._open_chunk: _Record | None = None
+        self._open_chunk: Record | None = None
         self._indexed = False
 
     def store(self) -> Ros1Store:
@@ -151,7 +137,7 @@ class _Listing:
         offset, size, end = len(MAGIC), self._state.size_bytes, None
         try:
             while offset < size:
-                record = _read_record(self._file, offset, size, self._limits)
+                record = read_record(self._file, offset, size, self._limits)
                 self._add(record)
                 offset = record.end
         except RecordingError as error:
@@ -177,17 +163,17 @@ class _Listing:
             self._limits,
         )
 
-    def _add(self, record: _Record) -> None:
-        if record.op == _OP_INDEX and self._open_chunk is not None:
+    def _add(self, record: Record) -> None:
+        if record.op == OP_INDEX and self._open_chunk is not None:
             self._add_index(record, self._open_chunk.offset)
             return
-        if record.op == _OP_CONNECTION:
+        if record.op == OP_CONNECTION:
             self._connect(record)
-        if record.op == _OP_CHUNK:
+        if record.op == OP_CHUNK:
             self._close_chunk()
             self._open_chunk, self._indexed = record, False
 
-    def _add_index(self, record: _Record, chunk: int) -> None:
+    def _add_index(self, record: Record, chunk: int) -> None:
         self._indexed = True
         listed = np.frombuffer(record.data[: len(record.data) // 12 * 12], _INDEX_ENTRY)
         entries = np.empty(len(listed), ENTRY)
@@ -202,11 +188,11 @@ class _Listing:
             return
         rows: dict[int, list[tuple[int, int, int]]] = {}
         try:
-            data = _unpacked(chunk, self._limits)
-            for record in _inner_records(data, chunk.offset):
-                if record.op == _OP_CONNECTION:
+            data = unpacked(chunk, self._limits)
+            for record in inner_records(data, chunk.offset):
+                if record.op == OP_CONNECTION:
                     self._connect(record)
-                elif record.op == _OP_MESSAGE:
+                elif record.op == OP_MESSAGE:
                     time = record.number(b"time")
                     time_ns = (time & 0xFFFFFFFF) * NS_PER_S + (time >> 32)
                     number = record.number(b"conn")
@@ -231,15 +217,15 @@ class _Listing:
                 continue
             try:
                 start = int(parts[0]["chunk"][0])
-                chunk = _read_record(self._file, start, self._state.size_bytes, self._limits)
-                for record in _inner_records(_unpacked(chunk, self._limits), start):
-                    if record.op == _OP_CONNECTION:
+                chunk = read_record(self._file, start, self._state.size_bytes, self._limits)
+                for record in inner_records(unpacked(chunk, self._limits), start):
+                    if record.op == OP_CONNECTION:
                         self._connect(record)
             except RecordingError as error:
                 self._notes.append(f"lost: a damaged chunk at {error.where} ({error.got})")
 
-    def _connect(self, record: _Record) -> None:
-        inner = _fields(record.data, record.offset)
+    def _connect(self, record: Record) -> None:
+        inner = header_fields(record.data, record.offset)
         channel = Channel(
             topic=record.fields.get(b"topic", b"").decode("utf-8", "replace"),
             schema=inner.get(b"type", b"").decode("utf-8", "replace"),
@@ -249,87 +235,3 @@ class _Listing:
             latched=inner.get(b"latching") == b"1",
         )
         self._connections.setdefault(record.number(b"conn"), channel)
-
-
-def _read_record(file: FileIO, offset: int, size: int, limits: Limits) -> _Record:
-    """The record at `offset`; the data of a chunk is read, too."""
-    file.seek(offset)
-    header = _sized(file, offset, size, MOST_HEADER_BYTES)
-    data = _sized(file, file.tell(), size, limits.record_bytes)
-    return _Record(_fields(header, offset), data, offset, file.tell())
-
-
-def _sized(file: FileIO, at: int, size: int, most: int) -> bytes:
-    head = file.read(_LENGTH.size)
-    if len(head) < _LENGTH.size:
-        raise broken(f"the file ends after {size} bytes, within a record", at)
-    (length,) = _LENGTH.unpack(head)
-    if length > min(most, size - at - _LENGTH.size):
-        raise broken(f"a record that claims {length} bytes", at)
-    return file.read(length)
-
-
-def _fields(data: bytes | memoryview, offset: int) -> dict[bytes, bytes]:
-    found, at = {}, 0
-    while at + _LENGTH.size <= len(data):
-        (length,) = _LENGTH.unpack_from(data, at)
-        at += _LENGTH.size
-        name, equals, value = bytes(data[at : at + length]).partition(b"=")
-        if at + length > len(data) or not equals:
-            raise broken("a header that cannot be read", offset)
-        found[name] = value
-        at += length
-    return found
-
-
-def _inner_records(data: bytes, offset: int, at: int = 0) -> Iterator[_Record]:
-    view = memoryview(data)
-    while at < len(data):
-        start = at
-        parts = []
-        for _ in range(2):
-            if at + _LENGTH.size > len(data):
-                raise broken("a chunk that ends within a record", offset)
-            (length,) = _LENGTH.unpack_from(data, at)
-            parts.append(view[at + _LENGTH.size :][:length])
-            at += _LENGTH.size + length
-        if at > len(data):
-            raise broken("a chunk that ends within a record", offset)
-        yield _Record(_fields(parts[0], offset), parts[1], start, at)
-
-
-def _message(chunk: bytes, offset: int, start: int) -> memoryview:
-    """The message at `offset` of an unpacked chunk; its connection may stand before it."""
-    for record in _inner_records(chunk, start, offset):
-        if record.op == _OP_MESSAGE:
-            return memoryview(record.data)
-        if record.op != _OP_CONNECTION:
-            break
-    raise broken("no message where the index has one", start)
-
-
-def _unpacked(chunk: _Record, limits: Limits) -> bytes:
-    """The records of a chunk, to no more than it claims and the caps allow."""
-    size, name = chunk.number(b"size"), chunk.fields.get(b"compression", b"")
-    if chunk.op != _OP_CHUNK or size > min(
-        limits.chunk_bytes, max(2**20, len(chunk.data) * limits.chunk_expansion)
-    ):
-        raise RecordingError(
-            f"a chunk of {len(chunk.data)} bytes that claims to unpack to {size}",
-            want=f"at most {limits.chunk_bytes}, and {limits.chunk_expansion} times its size",
-            where=f"byte {chunk.offset}",
-        )
-    try:
-        if name == b"bz2":
-            data = bz2.BZ2Decompressor().decompress(chunk.data, size + 1)
-        elif name == b"lz4":
-            data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, size + 1)
-        elif name == b"none":
-            data = bytes(chunk.data)
-        else:
-            raise ValueError(f"unknown compression {name.decode(errors='replace')!r}")
-    except (OSError, ValueError, EOFError, RuntimeError) as error:
-        raise broken(f"a chunk that cannot be unpacked: {error}", chunk.offset) from error
-    if len(data) != size:
-        raise broken(f"a chunk of {len(data)} bytes that claims {size}", chunk.offset)
-    return data

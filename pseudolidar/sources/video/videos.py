@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,23 +14,16 @@ from pseudolidar.errors import (
     PseudolidarError,
     SourceEmpty,
     SourceUnknown,
-    UsageError,
     VideoDamaged,
 )
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.rigs.rig_file import find_rig, read_any_rig
 from pseudolidar.formats.rigs.rig_json import missing_rig
 from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit
-from pseudolidar.formats.time_table import read_time_table
 from pseudolidar.formats.video.kind import video_kind
 from pseudolidar.sources.source import SourceSummary
-from pseudolidar.sources.stamps import (
-    TIMES_FILES,
-    FrameTimes,
-    read_frame_times,
-    recorded_times,
-    synthetic_times,
-)
+from pseudolidar.sources.stamps import FrameTimes
+from pseudolidar.sources.video.clocks import VideoClocks
 from pseudolidar.sources.video.frames import VideoSource
 from pseudolidar.sources.video.packing import (
     Layout,
@@ -45,7 +38,6 @@ from pseudolidar.sources.video.pairing import (
     partner_of,
     videos_in,
 )
-from pseudolidar.structures.arrays import Int64
 
 if TYPE_CHECKING:
     from pseudolidar.formats.video.file import VideoFile
@@ -154,6 +146,17 @@ class Video:
             raise missing_rig(video.parent / "rig.json")
         return read_any_rig(file, unit=self.rig_unit, limits=self.limits)
 
+    @property
+    def _clocks(self) -> VideoClocks:
+        return VideoClocks(
+            Path(self.path),
+            times=None if self.times is None else Path(self.times),
+            right_times=None if self.right_times is None else Path(self.right_times),
+            right_delay_s=self.right_delay_s,
+            rate_hz=self.rate_hz,
+            limits=self.limits,
+        )
+
     def _packed(self, video: VideoFile, reading: RigReading) -> VideoSource:
         packing = find_packing(
             video,
@@ -163,7 +166,7 @@ class Video:
             scale_calibration=self.scale_calibration,
         )
         numbers = np.arange(len(video), dtype=np.int64)
-        times = self._times(video, numbers)
+        times = self._clocks.of(video, numbers)
         return VideoSource(
             summary=self._summary(
                 f"{packing.layout} video {video.path.name}: {len(video)} pairs",
@@ -194,8 +197,11 @@ class Video:
             )
         if self.swap:
             left, right = right, left
+        clocks = self._clocks
         moments = pair_moments(
-            *self._clocks(left, right), tolerance_s=self.tolerance_s, files=(left.path, right.path)
+            *clocks.of_both(left, right),
+            tolerance_s=self.tolerance_s,
+            files=(left.path, right.path),
         )
         if not moments.ids:
             raise SourceEmpty(
@@ -205,7 +211,7 @@ class Video:
                 fix=moments.alone[0][1].fix,
                 path=left.path,
             )
-        times = self._times(left, moments.left)
+        times = clocks.of(left, moments.left)
         rig = fitting_rig(
             reading.of_rectified,
             left.size_px,
@@ -233,48 +239,6 @@ class Video:
             packing=packing,
             rig=packing.rig,
         )
-
-    def _clocks(self, left: VideoFile, right: VideoFile) -> tuple[Sequence[int], Sequence[int]]:
-        """Times of all frames of both videos, to pair them by."""
-        if self.right_times is None:
-            lefts: Sequence[int] = left.timestamps_ns
-            rights: Sequence[int] = right.timestamps_ns
-        elif self.times is None:
-            raise UsageError(
-                "times of the right video alone", want="--times as well", where="--right-times"
-            )
-        else:
-            limits = self.limits
-            lefts, rights = (
-                read_frame_times(
-                    Path(file),
-                    read_time_table(Path(file), limits=limits).stamps_ns,
-                    range(len(video)),
-                ).timestamps_ns
-                for file, video in ((self.times, left), (self.right_times, right))
-            )
-        delay_ns = round(self.right_delay_s * 1e9)
-        return lefts, [time_ns + delay_ns for time_ns in rights]
-
-    def _times(self, video: VideoFile, numbers: Int64) -> FrameTimes:
-        """Of the frames `numbers`: of a file, of the video, or made up."""
-        file = self._times_file()
-        if file is not None:
-            entries = read_time_table(file, limits=self.limits)
-            times = read_frame_times(file, entries.stamps_ns, numbers.tolist())
-            times = replace(times, notes=(replace(entries, names=None).note, *times.notes))
-            return times if times.timestamps_ns[0] > 0 else times.after_zero()
-        if not video.index.timed:
-            return synthetic_times(numbers.tolist(), self.rate_hz)
-        stamps_ns = [video.timestamps_ns[number] for number in numbers]
-        return recorded_times(stamps_ns, first_ns=video.timestamps_ns[0])
-
-    def _times_file(self) -> Path | None:
-        if self.times is not None:
-            return Path(self.times)
-        folder = Path(self.path)
-        places = (folder / name for name in TIMES_FILES) if folder.is_dir() else ()
-        return next((place for place in places if place.is_file()), None)
 
     def _summary(
         self,
