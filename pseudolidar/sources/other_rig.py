@@ -15,6 +15,7 @@ from pseudolidar.formats.rigs.rig_file import read_any_rig
 from pseudolidar.formats.rigs.rig_json import rig_warnings
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.geometry.frames import BASE_LINK, left_in_base_link
+from pseudolidar.sources.aligned_rows import with_rows_aligned
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.sources.source import (
@@ -43,6 +44,8 @@ def opened_with_rig(
 ) -> FrameSequence[Frame]:
     """Open a source; where a calibration is given, with that in place of its own.
 
+    The one place where a row correction of a rig is applied: pictures are resampled as they load.
+
     Args:
         settings: the source; folders of pictures and videos need no rig of their own then.
         rig: a calibration of any known form, or None.
@@ -52,6 +55,18 @@ def opened_with_rig(
     Raises:
         PseudolidarError: what opening the source, reading the file, or `with_rig` raises.
     """
+    source = opened_as_taken(settings, rig, scale_calibration=scale_calibration, unit=unit)
+    return with_rows_aligned(source)
+
+
+def opened_as_taken(
+    settings: SourceSettings,
+    rig: Path | None,
+    *,
+    scale_calibration: bool = False,
+    unit: RigUnit | None = None,
+) -> FrameSequence[Frame]:
+    """As `opened_with_rig`, with the pictures as they are: for what fits a new row correction."""
     if isinstance(settings, Folders | Video):
         own = settings if unit is None else replace(settings, rig_unit=unit)
         if rig is not None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from pseudolidar.errors import CalibrationSizeMismatch, CalibrationValue, NotRectified
 from pseudolidar.structures.arrays import Float64, check_array
+from pseudolidar.structures.correction import RowCorrection
 from pseudolidar.structures.pose import Pose
 
 # Systematic disparity error of a rig whose calibration nobody checked, px (measured on KITTI: about
@@ -150,6 +151,8 @@ class StereoRig:
         T_velodyne_imu: where an IMU is calibrated to the Velodyne.
         correction: systematic disparity error to take off, applied in reprojection and nowhere
             else.
+        rows: difference of rows that rectification left in the pictures. Sources put it right as
+            they load a pair; the rig of such a frame has none.
         origin: where the calibration comes from, in words.
 
     Raises:
@@ -163,6 +166,7 @@ class StereoRig:
     T_velodyne_imu: Pose | None = None
     correction: DisparityCorrection | None = None
     origin: str = ""
+    rows: RowCorrection | None = None
 
     def __post_init__(self) -> None:
         t_m = self.T_right_left.translation_m
@@ -258,6 +262,10 @@ class StereoRig:
         """The same rig with another disparity correction."""
         return replace(self, correction=correction)
 
+    def with_rows(self, rows: RowCorrection | None) -> StereoRig:
+        """The same rig with another row correction."""
+        return replace(self, rows=rows)
+
     def check_size(self, width_px: int, height_px: int) -> None:
         """Raise `CalibrationSizeMismatch` unless images of this size belong to the rig."""
         self.left.check_size(width_px, height_px)
@@ -269,6 +277,7 @@ class StereoRig:
             left=_scaled(self.left, width_px, height_px),
             right=_scaled(self.right, width_px, height_px),
             correction=self.correction and self.correction.scaled(width_px / self.left.width_px),
+            rows=self.rows and self.rows.scaled(height_px / self.left.height_px),
         )
 
 

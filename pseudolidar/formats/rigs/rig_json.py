@@ -33,6 +33,7 @@ from pseudolidar.formats.rigs.rig_parts import (
     camera,
     correction,
     optional_pose,
+    rows,
 )
 from pseudolidar.formats.rigs.strict_json import parse_json
 from pseudolidar.formats.text import read_lines
@@ -49,6 +50,7 @@ OPTIONAL = (
     "T_left_velodyne",
     "T_velodyne_imu",
     "correction",
+    "rows",
 )
 # Seven digits of a rotation are enough for this; beyond it the numbers were rounded.
 ROUNDED_ROTATION = 1e-6
@@ -105,6 +107,7 @@ def parse_rig(document: str, path: str | Path) -> StereoRig:
             T_left_velodyne=optional_pose(fields, "T_left_velodyne", LEFT, VELODYNE),
             T_velodyne_imu=optional_pose(fields, "T_velodyne_imu", VELODYNE, IMU),
             correction=correction(fields["correction"]) if "correction" in fields else None,
+            rows=rows(fields["rows"]) if "rows" in fields else None,
             origin=text(fields["origin"]) if "origin" in fields else "",
         )
     except PseudolidarError as error:
@@ -140,12 +143,13 @@ def rig_text(rig: StereoRig) -> str:
         pose = getattr(rig, name)
         if pose is not None:
             fields[name] = _pose_fields(pose)
-    if rig.correction is not None:
-        fields["correction"] = {
-            "coefficients": rig.correction.coefficients.tolist(),
-            "residual_px": rig.correction.residual_px,
-            "origin": rig.correction.origin,
-        }
+    for name, part in (("correction", rig.correction), ("rows", rig.rows)):
+        if part is not None:
+            fields[name] = {
+                "coefficients": part.coefficients.tolist(),
+                "residual_px": part.residual_px,
+                "origin": part.origin,
+            }
     return _pretty(fields) + "\n"
 
 

@@ -6,7 +6,7 @@ Errors are those of `rig_fields`, and `CalibrationValue` for what no camera or r
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, cast
+from typing import Literal, TypeVar, cast
 
 import numpy as np
 
@@ -29,7 +29,10 @@ from pseudolidar.formats.rigs.rig_fields import (
 )
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera, DisparityCorrection
+from pseudolidar.structures.correction import RowCorrection
 from pseudolidar.structures.pose import Pose, rotation_error
+
+Fitted = TypeVar("Fitted", DisparityCorrection, RowCorrection)
 
 LEFT, RIGHT, VELODYNE, IMU = "camera_left", "camera_right", "velodyne", "imu"
 # Numbers of OpenCV's lens models: k1 k2 p1 p2 [k3 [k4 k5 k6 [s1-s4 [tx ty]]]]; fisheye k1-k4.
@@ -159,10 +162,20 @@ def _pose(node: Node, dst: str, src: str) -> Pose:
 
 def correction(node: Node) -> DisparityCorrection:
     """The disparity correction."""
+    return _fitted(node, DisparityCorrection, 8)
+
+
+def rows(node: Node) -> RowCorrection:
+    """The row correction."""
+    return _fitted(node, RowCorrection, 9)
+
+
+def _fitted(node: Node, kind: type[Fitted], count: int) -> Fitted:
+    """A polynomial with `count` coefficients."""
     fields = fields_of(node, ("coefficients", "residual_px"), ("origin",))
     origin = text(fields["origin"]) if "origin" in fields else ""
-    coefficients = numbers(fields["coefficients"], 8)
+    coefficients = numbers(fields["coefficients"], count)
     try:
-        return DisparityCorrection(coefficients, number(fields["residual_px"]), origin)
+        return kind(coefficients, number(fields["residual_px"]), origin)
     except CalibrationValue as error:
         raise at_node(error, fields["residual_px"]) from None

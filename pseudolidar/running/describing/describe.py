@@ -24,6 +24,7 @@ from pseudolidar.running.describing.describe_source import (
 )
 from pseudolidar.running.describing.description import Description
 from pseudolidar.running.settings_schema import choice_name
+from pseudolidar.sources.aligned_rows import with_rows_aligned
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.recording.recording import Recording
@@ -86,7 +87,7 @@ def _source(
     if isinstance(settings, Recording):
         _into(facts, unknown, "topics", lambda: _topics(path))
     try:
-        source = settings.open()
+        source = with_rows_aligned(settings.open())
     except PseudolidarError as error:
         what = "a recording" if isinstance(settings, Recording) else f"looks like {kind}"
         unknown.append(_unknown("frames", error))

@@ -88,6 +88,7 @@ def rig_facts(rig: StereoRig) -> dict[str, Any]:
         "height_px": rig.left.height_px,
         "rectified": rig.is_rectified,
         "corrected": rig.correction is not None,
+        "rows_corrected": rig.rows is not None,
         "systematic_sigma_px": rig.systematic_sigma_px,
         "frames": [rig.left.frame, rig.right.frame, *(n for n, there in mounted.items() if there)],
         "origin": rig.origin,

@@ -122,6 +122,8 @@ def _rig_row(rig: dict[str, Any]) -> str:
         parts.append(f"doffs {rig['doffs_px']:.3f} px")
     parts.append("rectified" if rig["rectified"] else "not rectified")
     parts.append("with a disparity correction" if rig["corrected"] else "no disparity correction")
+    if rig["rows_corrected"]:
+        parts.append("with a row correction")
     return ", ".join(parts) + f"; frames: {', '.join(rig['frames'])}"
 
 

@@ -31,6 +31,7 @@ from pseudolidar.formats.rigs.rig_json import (
     write_rig,
 )
 from pseudolidar.structures.camera import Camera, DisparityCorrection, StereoRig
+from pseudolidar.structures.correction import RowCorrection
 from pseudolidar.structures.pose import Pose
 
 
@@ -57,6 +58,7 @@ def full_rig(*, rectified: bool) -> StereoRig:
         ),
         T_velodyne_imu=Pose.from_rotation("velodyne", "imu", rotation(2), rng.normal(size=3)),
         correction=DisparityCorrection(rng.normal(size=8) / 3, 0.1 + 0.2, "22 frames, Velodyne"),
+        rows=RowCorrection(rng.normal(size=9) / 3, 0.1 + 0.7, "matches of 22 frames"),
         origin='KITTI 2011_09_26, "größer" \n\udcff',
     )
 
@@ -76,11 +78,12 @@ def assert_same(a: StereoRig, b: StereoRig) -> None:
         if pose is not None:
             assert (pose.dst, pose.src) == (other_pose.dst, other_pose.src)
             assert np.array_equal(pose.matrix, other_pose.matrix)
-    assert (a.correction is None) == (b.correction is None)
-    if a.correction is not None and b.correction is not None:
-        assert a.correction.coefficients.tobytes() == b.correction.coefficients.tobytes()
-        assert a.correction.residual_px == b.correction.residual_px
-        assert a.correction.origin == b.correction.origin
+    for mine, theirs in ((a.correction, b.correction), (a.rows, b.rows)):
+        assert (mine is None) == (theirs is None)
+        if mine is not None and theirs is not None:
+            assert mine.coefficients.tobytes() == theirs.coefficients.tobytes()
+            assert mine.residual_px == theirs.residual_px
+            assert mine.origin == theirs.origin
     assert a.origin == b.origin
 
 
@@ -166,6 +169,18 @@ MISTAKES = {
         CalibrationSyntax,
         "left.distortion",
         "3 numbers",
+    ),
+    "rows of 8": (
+        changed(rows={"coefficients": [0] * 8, "residual_px": 0.2}),
+        CalibrationSyntax,
+        "rows.coefficients",
+        "8",
+    ),
+    "rows residual < 0": (
+        changed(rows={"coefficients": [0] * 9, "residual_px": -1}),
+        CalibrationValue,
+        "rows.residual_px",
+        "negative",
     ),
     "correction of 7": (
         changed(correction={"coefficients": [0] * 7, "residual_px": 0.2}),
