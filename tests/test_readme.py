@@ -17,12 +17,13 @@ import pytest
 
 from pseudolidar import cli
 from pseudolidar.commandline.verbs import RUN_VERB, verb_files
-from pseudolidar.formats.points.pcd import read_pcd
+from pseudolidar.formats.points.pcd import read_pcd, write_pcd
 from pseudolidar.formats.rigs.rig_fields import MINIMAL_RIG
 from pseudolidar.formats.rigs.rig_json import parse_rig, write_rig
 from pseudolidar.running.settings_json import to_json
 from pseudolidar.sources.synthetic import Synthetic
 from tests.recordings import named_clouds, write_own
+from tests.videos import pictures, write_video
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text("utf-8")
@@ -79,7 +80,14 @@ def shown_folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for maps in ("EST", "GT"):
         (folder / maps).mkdir()
         cv2.imwrite(str(folder / maps / "0.png"), picture.astype(np.uint16))
-    write_own(folder / "drive.mcap", named_clouds(["a"]))
+    for recording in ("drive.mcap", "out/street/street.mcap"):
+        (folder / recording).parent.mkdir(parents=True, exist_ok=True)
+        write_own(folder / recording, named_clouds(["a"]))
+    (folder / "out/points/pcd").mkdir(parents=True)
+    write_pcd(folder / "out/points/pcd/0.pcd", named_clouds(["a"])[0].cloud)
+    write_rig(folder / "rig.json", rig)
+    for name, width_px in (("left.mp4", 256), ("right.mp4", 256), ("side_by_side.mkv", 512)):
+        write_video(folder / name, pictures(2, width_px, 96))
     (folder / OWN_JOB).write_text(blocks("python")[0])
     return folder
 
@@ -122,7 +130,7 @@ def test_a_run_is_repeated_from_its_settings(shown_folders, received, monkeypatc
     first = next(line for line in shown("pseudolidar") if line.startswith("convert"))
     flag, file = re.search(r"`(--settings) (\S+)`", README).groups()
     assert cli.main(shlex.split(first)) == 0
-    Path(file).parent.mkdir()
+    Path(file).parent.mkdir(exist_ok=True)
     Path(file).write_text(json.dumps({"settings": to_json(received[0])}))
     assert cli.main(["convert", flag, file]) == 0
     assert to_json(received[1]) == to_json(received[0])
