@@ -39,3 +39,8 @@ class Limits:
 
 
 DEFAULT_LIMITS = Limits()
+
+
+def raise_cap(name: str) -> str:
+    """What to do where a file really is larger than the cap of that name."""
+    return f"If it really is that large, raise the cap: --source.limits.{name.replace('_', '-')}."

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pseudolidar.errors import LimitError, PseudolidarError
-from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits, raise_cap
 from pseudolidar.formats.whole_read import read_whole
 
 # Unlike `float()`: no 1_000, nan, infinity, decimal comma or digits of other scripts.
@@ -101,7 +101,10 @@ def read_lines(
     try:
         if path.stat().st_size > limits.text_bytes:
             raise LimitError(
-                f"{path.stat().st_size} bytes", want=f"at most {limits.text_bytes}", path=path
+                f"{path.stat().st_size} bytes",
+                want=f"at most {limits.text_bytes}",
+                fix=raise_cap("text_bytes"),
+                path=path,
             )
         data = read_whole(path)
     except OSError as fault:
@@ -109,7 +112,10 @@ def read_lines(
     text = _decode(path, data, error).replace("\r\n", "\n").replace("\r", "\n")
     if text.count("\n") > limits.text_lines:
         raise LimitError(
-            f"{text.count(chr(10))} lines", want=f"at most {limits.text_lines}", path=path
+            f"{text.count(chr(10))} lines",
+            want=f"at most {limits.text_lines}",
+            fix=raise_cap("text_lines"),
+            path=path,
         )
     return list(_numbered(path, text, error))
 

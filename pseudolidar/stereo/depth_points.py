@@ -54,6 +54,7 @@ def points_of_depth(
     if sigma_z is None and np.isfinite(gates[4:]).any():
         raise StereoConfig(
             "a limit on sigma, but the depth has no sigma",
+            want="depth with its sigma",
             fix="Leave out max_sigma_m and max_sigma_rel, or state one by "
             "--reproject.depth-sigma-rel.",
         )

@@ -131,6 +131,7 @@ class Reprojector:
         if disparity.sigma is None and np.isfinite(self.settings.gates[4:]).any():
             raise StereoConfig(
                 "a limit on sigma, but the disparity has no sigma",
+                want="a disparity with its sigma",
                 fix="Leave out max_sigma_m and max_sigma_rel, or take a matcher that estimates it.",
             )
         cloud = _cloud(frame, disparity, self.settings)

@@ -19,7 +19,7 @@ from mcap.records import McapRecord
 
 from pseudolidar.errors import RecordingError
 from pseudolidar.formats.checksum import crc32
-from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits, raise_cap
 from pseudolidar.formats.mcap.compression import decompressed
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -162,7 +162,7 @@ def record_head(
         raise RecordingError(
             f"a record of {length} bytes",
             want=f"at most {limits.record_bytes}",
-            fix="If it really is that large, raise the cap (Limits.record_bytes).",
+            fix=raise_cap("record_bytes"),
             where=f"byte {offset}",
         )
     return opcode, length
@@ -199,7 +199,7 @@ def unpacked(
         raise RecordingError(
             f"a chunk of {packed} bytes that claims to unpack to {size}",
             want=f"at most {allowed}",
-            fix="If it really is that large, raise the cap (Limits.chunk_bytes).",
+            fix=raise_cap("chunk_bytes"),
             where=f"byte {offset}",
         )
     try:
@@ -229,7 +229,7 @@ def inner_records(
             raise RecordingError(
                 f"a chunk of more than {limits.chunk_records} records",
                 want="fewer",
-                fix="If there really are so many, raise the cap (Limits.chunk_records).",
+                fix=raise_cap("chunk_records"),
                 where=f"byte {offset}",
             )
         left -= 1

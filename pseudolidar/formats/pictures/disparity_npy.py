@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pseudolidar.errors import ImageFormat, ImageMissing, ImageUnreadable, LimitError
-from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits, raise_cap
 from pseudolidar.structures.arrays import AnyArray, Float32
 from pseudolidar.structures.disparity import DisparityMap
 
@@ -44,7 +44,12 @@ def read_numbers(path: Path, *, limits: Limits) -> AnyArray:
         found = f"{array.dtype} of shape {array.shape}"
         raise ImageFormat(found, want="(H, W) of numbers, px", path=path)
     if array.size > limits.pixels:
-        raise LimitError(f"{array.size} pixels", want=f"at most {limits.pixels}", path=path)
+        raise LimitError(
+            f"{array.size} pixels",
+            want=f"at most {limits.pixels}",
+            fix=raise_cap("pixels"),
+            path=path,
+        )
     return array
 
 

@@ -22,7 +22,7 @@ from pseudolidar.errors import (
     PseudolidarError,
     StructureError,
 )
-from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits, raise_cap
 from pseudolidar.formats.pictures.image_header import (
     ImageHeader,
     bmp_header,
@@ -192,7 +192,9 @@ def _decode(data: bytes, header: ImageHeader) -> Image:
         decoded = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error as error:
         raise ImageUnreadable(
-            f"the decoder refused it: {error.err}", fix="Export it again."
+            f"the decoder refused it: {error.err}",
+            want="a picture without damage",
+            fix="Export it again.",
         ) from error
     pixels = cast("Image | None", decoded)
     if pixels is None:
@@ -228,7 +230,7 @@ def _too_large(got: str, limits: Limits) -> LimitError:
     return LimitError(
         got,
         want=f"at most {limits.pixels} pixels",
-        fix="If it really is that large, raise the cap: --source.limits.pixels.",
+        fix=raise_cap("pixels"),
     )
 
 

@@ -61,7 +61,11 @@ def png_header(data: bytes) -> ImageHeader:
         raise truncated(data, "within the header")
     width, height, bits, colour = struct.unpack_from(">IIBB", data, 16)
     if data[12:16] != b"IHDR" or colour not in PNG_CHANNELS:
-        raise ImageUnreadable("a PNG without a legal header", fix="Copy the file again.")
+        raise ImageUnreadable(
+            "a PNG without a legal header",
+            want="size and kind of its pixels",
+            fix="Copy the file again.",
+        )
     bits = 8 if colour == 3 else bits
     return ImageHeader(width, height, PNG_CHANNELS[colour], bits, alpha=colour in (4, 6))
 
@@ -107,7 +111,11 @@ def pnm_header(data: bytes) -> tuple[ImageHeader, int]:
     """
     match = _PNM.match(data[:4096])
     if match is None:
-        raise ImageUnreadable("a PGM or PPM without a legal header", fix="Export it again.")
+        raise ImageUnreadable(
+            "a PGM or PPM without a legal header",
+            want="P5 or P6, width, height and largest value",
+            fix="Export it again.",
+        )
     width, height, largest = (int(match[i]) for i in (2, 3, 4))
     if not 0 < largest < 65536:
         raise ImageUnreadable(f"largest value {largest}", want="1 to 65535")

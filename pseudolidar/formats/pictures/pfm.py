@@ -16,7 +16,7 @@ from pseudolidar.errors import (
     PseudolidarError,
 )
 from pseudolidar.formats.atomic import write_atomic
-from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits, raise_cap
 from pseudolidar.formats.pictures.image_kinds import content_kind
 from pseudolidar.formats.whole_read import read_whole
 from pseudolidar.structures.arrays import Float32
@@ -87,7 +87,7 @@ def decode_pfm(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> Float32:
         raise LimitError(
             f"{width}x{height} pixels claimed",
             want=f"at most {limits.pixels}",
-            fix="Raise the cap (Limits.pixels) if the file is really that large.",
+            fix=raise_cap("pixels"),
         )
     start = _checked_start(data, match.end(), width * height * _VALUE_BYTES)
     pixels = np.frombuffer(data, "<f4" if scale < 0 else ">f4", width * height, start)

@@ -29,7 +29,9 @@ def tiff_header(data: bytes) -> ImageHeader:
     except struct.error:
         raise truncated(data, "within the directory") from None
     if WIDTH not in tags or HEIGHT not in tags:
-        raise ImageUnreadable("a TIFF without width and height", fix="Export it again.")
+        raise ImageUnreadable(
+            "a TIFF without width and height", want="both", fix="Export it again."
+        )
     offsets = tags.get(STRIP_OFFSETS) or tags.get(TILE_OFFSETS) or ()
     sizes = tags.get(STRIP_BYTES) or tags.get(TILE_BYTES) or ()
     need = max((start + size for start, size in zip(offsets, sizes, strict=False)), default=0)

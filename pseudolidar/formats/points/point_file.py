@@ -13,7 +13,7 @@ from pseudolidar.errors import (
     PointFileMissing,
     PointFileTruncated,
 )
-from pseudolidar.formats.limits import Limits
+from pseudolidar.formats.limits import Limits, raise_cap
 from pseudolidar.formats.pictures.image_kinds import content_kind
 from pseudolidar.formats.whole_read import read_whole
 from pseudolidar.structures.cloud import PointCloud
@@ -148,7 +148,7 @@ def check_point_limit(points: int, limits: Limits) -> None:
         raise LimitError(
             f"{points} points claimed",
             want=f"at most {limits.points}",
-            fix="Raise the cap (Limits.points) if the file is really that large.",
+            fix=raise_cap("points"),
         )
 
 

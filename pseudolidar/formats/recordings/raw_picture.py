@@ -11,7 +11,7 @@ from typing import cast
 import numpy as np
 
 from pseudolidar.errors import ImageFormat, ImageTruncated, LimitError
-from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits, raise_cap
 from pseudolidar.formats.pictures.image import DecodedImage, decode_image
 from pseudolidar.formats.recordings.messages import EncodedPicture, RawPicture
 from pseudolidar.structures.arrays import AnyArray, Float32, Image
@@ -118,7 +118,7 @@ def _values(picture: RawPicture, name: str, limits: Limits) -> AnyArray:
         raise LimitError(
             f"a picture of {width}x{height} pixels",
             want=f"at most {limits.pixels} pixels",
-            fix="If it really is that large, raise the cap: --source.limits.pixels.",
+            fix=raise_cap("pixels"),
             path=name,
         )
     row = width * channels * np.dtype(code).itemsize

@@ -11,7 +11,7 @@ from io import FileIO
 import lz4.frame  # type: ignore[import-untyped]
 
 from pseudolidar.errors import RecordingError
-from pseudolidar.formats.limits import Limits
+from pseudolidar.formats.limits import Limits, raise_cap
 from pseudolidar.formats.mcap.records import broken
 
 OP_MESSAGE, OP_INDEX, OP_CHUNK, OP_CONNECTION = 2, 4, 5, 7
@@ -134,12 +134,11 @@ def unpacked(chunk: Record, limits: Limits) -> bytes:
         RecordingError: no chunk, one that claims too much, or a damaged one.
     """
     size, name = chunk.number(b"size"), chunk.fields.get(b"compression", b"")
-    if chunk.op != OP_CHUNK or size > min(
-        limits.chunk_bytes, max(2**20, len(chunk.data) * limits.chunk_expansion)
-    ):
+    if chunk.op != OP_CHUNK or size > limits.allowed_unpacked(len(chunk.data)):
         raise RecordingError(
             f"a chunk of {len(chunk.data)} bytes that claims to unpack to {size}",
             want=f"at most {limits.chunk_bytes}, and {limits.chunk_expansion} times its size",
+            fix=raise_cap("chunk_expansion"),
             where=f"byte {chunk.offset}",
         )
     try:

@@ -14,7 +14,7 @@ import numpy as np
 import zstandard
 
 from pseudolidar.errors import RecordingError
-from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits, raise_cap
 from pseudolidar.formats.recordings.kinds import METADATA_FILE
 from pseudolidar.formats.recordings.message_store import Channel, FileState, Place
 from pseudolidar.structures.arrays import AnyArray, Int64
@@ -160,7 +160,7 @@ class Db3Store:
             raise RecordingError(
                 f"a message of {size} bytes",
                 want=f"at most {self.limits.record_bytes}",
-                fix="If it really is that large, raise the cap (Limits.record_bytes).",
+                fix=raise_cap("record_bytes"),
                 path=self.state.path,
                 where=f"message {row}",
             )

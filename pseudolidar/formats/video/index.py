@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from pseudolidar.errors import LimitError, VideoUnreadable
-from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits, raise_cap
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.formats.video.kind import video_kind
 from pseudolidar.structures.arrays import Bool, Int64
@@ -121,7 +121,7 @@ def read_index(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> VideoIndex:
             raise LimitError(
                 f"a video that claims {size_px[0]}x{size_px[1]} pixels",
                 want=f"at most {limits.pixels} pixels",
-                fix="If it really is that large, raise the cap: --source.limits.pixels.",
+                fix=raise_cap("pixels"),
                 path=path,
             )
         packets: list[tuple[int | None, int | None, bool, bool]] = []

@@ -43,7 +43,10 @@ class CrewPlan:
             raise UsageError(f"{self.timeout_s:g} s", want="more than 0", where="--timeout")
         if self.memory_limit_mb is not None and not self.isolate:
             raise UsageError(
-                "a memory limit without processes", fix="Add --isolate.", where="--memory-limit"
+                "a memory limit without processes",
+                want="frames in processes",
+                fix="Add --isolate.",
+                where="--memory-limit",
             )
         if self.memory_limit_mb is not None and not self.memory_limit_mb > 0:
             raise UsageError(

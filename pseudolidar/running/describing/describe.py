@@ -207,7 +207,9 @@ def _run(place: Path) -> dict[str, Any]:
         return {name: data[name] for name in names} | {"source": data["source"]["line"]}
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise SourceUnknown(
-            f"a {RUN_FILE} that cannot be read ({error})", path=place / RUN_FILE
+            f"a {RUN_FILE} that cannot be read ({error})",
+            want="one that a run wrote",
+            path=place / RUN_FILE,
         ) from error
 
 
