@@ -80,12 +80,39 @@ def fit_scale(error_px: Float64, sigma_px: Float64, systematic_px: float) -> flo
     return float(np.quantile(beyond / sigma_px, ONE_SIGMA_SHARE))
 
 
-def sparsification_error(error_px: Float64, sigma_px: Float64) -> float | None:
-    """Area between the sparsification curves of sigma and of the error itself (AUSE).
+@dataclass(frozen=True, eq=False)
+class SparsificationCurve:
+    """Mean absolute error of the surest samples, relative to that of all.
 
-    The surest 100 %, 95 %, ... 5 % of the samples are kept and their mean absolute error taken,
-    once in the order of sigma and once in that of the true error; the mean difference, relative to
-    the error of all. 0 is perfect; an uninformative sigma has about 0.7.
+    Args:
+        kept: (STEPS,) share of the samples that is kept, from 1 down.
+        by_sigma: (STEPS,) relative error when the samples of the largest sigma go first.
+        by_error: (STEPS,) ... when those of the largest error go first: no sigma can do better.
+    """
+
+    kept: Float64
+    by_sigma: Float64
+    by_error: Float64
+
+    @property
+    def area(self) -> float:
+        """AUSE, the mean difference: 0 is perfect; an uninformative sigma has about 0.7."""
+        return float((self.by_sigma - self.by_error).mean())
+
+    def as_dict(self) -> dict[str, Any]:
+        """The curves as lists, and the area between them."""
+        return {**{name: curve.tolist() for name, curve in vars(self).items()}, "ause": self.area}
+
+
+def sparsification_curve(error_px: Float64, sigma_px: Float64) -> SparsificationCurve | None:
+    """The surest 100 %, 95 %, ... 5 % of the samples, by sigma and by the true error.
+
+    Args:
+        error_px: (N,) signed or absolute errors.
+        sigma_px: (N,) one standard deviation each.
+
+    Returns:
+        None without samples, or without an error.
 
     Source: Ilg et al., Uncertainty Estimates and Multi-Hypotheses Networks for Optical Flow, ECCV
         2018, section 4.
@@ -93,8 +120,21 @@ def sparsification_error(error_px: Float64, sigma_px: Float64) -> float | None:
     size = np.abs(error_px)
     if not len(size) or size.mean() == 0:
         return None
-    steps = np.arange(SPARSIFICATION_STEPS)
-    kept = np.maximum(1, (len(size) * (1.0 - steps / SPARSIFICATION_STEPS)).astype(np.intp))
-    by_sigma = np.cumsum(size[np.argsort(sigma_px, kind="stable")])[kept - 1] / kept
-    by_error = np.cumsum(np.sort(size))[kept - 1] / kept
-    return float((by_sigma - by_error).mean() / size.mean())
+    share = 1.0 - np.arange(SPARSIFICATION_STEPS) / SPARSIFICATION_STEPS
+    kept = np.maximum(1, (len(size) * share).astype(np.intp))
+    by_sigma, by_error = (
+        np.cumsum(ordered)[kept - 1] / kept / size.mean()
+        for ordered in (size[np.argsort(sigma_px, kind="stable")], np.sort(size))
+    )
+    return SparsificationCurve(share, by_sigma, by_error)
+
+
+def sparsification_error(error_px: Float64, sigma_px: Float64) -> float | None:
+    """Area between the sparsification curves of sigma and of the error itself (AUSE).
+
+    Args:
+        error_px: (N,) signed or absolute errors.
+        sigma_px: (N,) one standard deviation each.
+    """
+    curve = sparsification_curve(error_px, sigma_px)
+    return None if curve is None else curve.area

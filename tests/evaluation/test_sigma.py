@@ -5,6 +5,7 @@ from pseudolidar.evaluation.sigma import (
     fit_scale,
     sigma_shares,
     sigma_shares_by_range,
+    sparsification_curve,
     sparsification_error,
     total_sigma,
 )
@@ -47,3 +48,12 @@ def test_sparsification():
     blind = sparsification_error(ERROR_PX, RNG.permutation(SIGMA_PX))
     assert 0.0 < informed < 0.7 * blind
     assert sparsification_error(ERROR_PX[:0], SIGMA_PX[:0]) is None
+
+
+def test_the_sparsification_curve_ends_with_the_surest():
+    error = np.linspace(1, 20, 20)
+    curve = sparsification_curve(error, error[::-1].copy())  # the wrong way round
+    assert curve.kept[[0, -1]] == pytest.approx([1.0, 0.05])
+    assert curve.by_sigma[[0, -1]] == pytest.approx([1.0, 20 / error.mean()])
+    assert curve.by_error[[0, -1]] == pytest.approx([1.0, 1 / error.mean()])
+    assert curve.as_dict()["ause"] == sparsification_error(error, error[::-1].copy()) > 0
