@@ -10,6 +10,7 @@ from pseudolidar.errors import ALL_DONE, SOME_SKIPPED, OutputError, RecordingErr
 from pseudolidar.running.field_markers import POSITIONAL
 from pseudolidar.running.progress import ByteProgress
 from pseudolidar.running.table import table_text
+from pseudolidar.sources.recognise import refuse_special
 
 if TYPE_CHECKING:
     from pseudolidar.formats.mcap.findings import Findings
@@ -50,12 +51,15 @@ def run(job: Recover) -> RecoverReport:
     Raises:
         UsageError: OUT is the damaged file itself, or is there already.
         RecordingError: nothing can be saved.
+        SourceUnknown: it is a pipe or a device.
         OutputError: the new file cannot be written.
     """
     from pseudolidar.formats.mcap.recover import inspect_recording, recover_recording
 
     out = job.out or recovered_name(job.path)
     check_places(job.path, out, overwrite=job.overwrite)
+    if job.path.exists():
+        refuse_special(job.path)
     size = job.path.stat().st_size if job.path.is_file() else 0
     with ByteProgress(size, "looking") as progress:
         findings, known, compression = inspect_recording(

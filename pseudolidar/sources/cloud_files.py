@@ -240,10 +240,11 @@ def _summary(
     settings: CloudFiles, listing: _Listing, times: FrameTimes, frames: int
 ) -> SourceSummary:
     kinds = Counter(format_of(file).name for file in listing.files)
+    count = "1 frame" if frames == 1 else f"{frames} frames"
     named = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
     return SourceSummary(
         kind="cloud-files",
         path=settings.path,
-        line=f"clouds in files: {frames} frames ({named or 'none readable'})",
+        line=f"clouds in files: {count} ({named or 'none readable'})",
         notes=(*listing.notes, *times.notes),
     )

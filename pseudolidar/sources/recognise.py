@@ -67,6 +67,7 @@ def recognise(path: str) -> Source:
     place = Path(path)
     if not place.exists():
         raise _absent(path)
+    refuse_special(place)
     for layout in LAYOUTS:
         if layout.looks_like(place):
             return layout(path)
@@ -76,6 +77,21 @@ def recognise(path: str) -> Source:
         fix="Name its kind by --source, or its pictures by --source folders "
         "--left-pattern 'a_*.png' --right-pattern 'b_*.png'.",
         path=path,
+    )
+
+
+def refuse_special(place: Path) -> None:
+    """Refuse what is neither file nor folder: to read a pipe is to wait for somebody to write.
+
+    Raises:
+        SourceUnknown: a pipe, a socket, a device.
+    """
+    if place.is_file() or place.is_dir():
+        return
+    kinds = {"a named pipe": place.is_fifo(), "a socket": place.is_socket()}
+    what = next((kind for kind, is_one in kinds.items() if is_one), "a device")
+    raise SourceUnknown(
+        what, want="a file or a folder", fix="Write what it gives into a file.", path=place
     )
 
 

@@ -61,7 +61,8 @@ def test_pictures_without_calibration(own_drive, capsys):
     assert found["pictures"] == {"width_px": 128, "height_px": 64}
     (unknown,) = found["unknown"]
     assert unknown["code"] == "CalibrationMissing"
-    assert "CalibrationMissing" in text
+    assert f"CalibrationMissing: {own_drive / 'rig.json'}: no such file" in text
+    assert "pictures  128x64 px" in text
 
 
 @pytest.mark.parametrize("write", [write_pcd, write_ply, write_npz])
@@ -113,7 +114,7 @@ def test_times_and_gaps(tmp_path, capsys):
     assert found["times"]["span_s"] == pytest.approx(1.1)
     (gap,) = found["times"]["gaps"]
     assert (gap["after"], gap["seconds"]) == ("2", pytest.approx(0.7))
-    assert "1 gaps: 0.70 s after 2" in text
+    assert "1 gap: 0.70 s after 2" in text
 
 
 def test_what_a_run_has_written(drive, tmp_path, capsys):
@@ -202,6 +203,86 @@ def test_odd_things_stop_nothing(drive, tmp_path, capsys):
     assert all(each.get("unknown") or each.get("error") for each in found[:-1])
     assert "absent" in text
     assert "two\\nlines" in text
+
+
+def test_a_folder_of_several_things_is_listed(drive, tmp_path, capsys):
+    """A row for each folder and kind of file; what is no whole does not end it."""
+    for name in ("a.png", "b.png"):
+        cv2.imwrite(str(tmp_path / name), np.zeros((30, 40, 3), np.uint8))
+    (tmp_path / "times.txt").write_text("0\n0.5\n")
+    (tmp_path / "notes.md").write_text("hello\n")
+    (tmp_path / "drive").symlink_to(drive)
+    (tmp_path / "inside").mkdir()
+    write_pcd(tmp_path / "inside" / "x.pcd", cloud())
+    os.mkfifo(tmp_path / "pipe")
+    found, text = one(capsys, tmp_path)
+    rows = {row["name"]: (row["kind"], row["things"], row["last"]) for row in found["entries"]}
+    assert rows == {
+        "a.png": ("picture", 2, "b.png"), "times.txt": ("times", 1, ""),
+        "notes.md": ("unknown", 2, "pipe"), "drive": ("folders", 1, ""),
+        "inside": ("cloud-files", 1, ""),
+    }  # fmt: skip
+    assert "14 pairs by equal names" in text
+    assert "a picture, 40x30 px, 8 bits, colour" in text
+
+
+@pytest.mark.parametrize("verb", ["info", "convert", "recover"])
+def test_nobody_waits_for_a_pipe(tmp_path, verb):
+    os.mkfifo(tmp_path / "pipe.mcap")
+    out = [str(tmp_path / "out")] if verb != "info" else []
+    line = [sys.executable, "-m", "pseudolidar.cli", verb, str(tmp_path / "pipe.mcap"), *out]
+    ended = subprocess.run(line, capture_output=True, text=True, timeout=60, check=False)
+    assert ended.returncode == 3
+    assert "a named pipe" in ended.stdout + ended.stderr
+
+
+def test_of_a_damaged_text_that_is_told_which_it_is_most_likely(tmp_path, capsys):
+    poses = tmp_path / "poses.txt"
+    row = "1 0 0 {} 0 1 0 0 0 0 1 0\n"
+    poses.write_text("".join(row.format(n) for n in range(5)) + row.format("x"))
+    labels = tmp_path / "labels.txt"
+    car = "Car 0.00 0 -1.58 587.01 173.33 614.12 200.12 1.65 1.67 3.64 -0.65 1.71 46.70 -1.59\n"
+    labels.write_text(car * 2 + "Car 1 2\n")
+    prose = tmp_path / "prose.txt"
+    prose.write_text("once upon a time\nthere was a camera\n")
+    exchanged = tmp_path / "rig.yml"
+    matrix = (
+        "{}: !!opencv-matrix\n   rows: 3\n   cols: 4\n   dt: d\n"
+        "   data: [ 100., 0., 63.5, {}, 0., 100., 31.5, 0., 0., 0., 1., 0. ]\n"
+    )
+    P1, P2 = matrix.format("P1", "0."), matrix.format("P2", "50.")
+    exchanged.write_text(f"%YAML:1.0\n---\nimage_width: 128\nimage_height: 64\n{P1}{P2}")
+    code, found, text = info(capsys, poses, labels, prose, exchanged)
+    assert code == 3
+    assert [each["what"] for each in found] == [
+        "a file of kind 'trajectory' that cannot be used",
+        "a file of kind 'labels' that cannot be used",
+        "a file that is not read: text file",
+        "a file of kind 'calibration' that cannot be used",
+    ]
+    assert [each["unknown"][0]["where"][:6] for each in found[:2]] == ["line 6", "line 3"]
+    assert "it cannot be read as trajectory, labels, times, calibration" in text
+    assert text.count("unknown") == 4, "one reason each"
+    assert "exchanged" in text
+
+
+def test_arrays_transforms_and_tables(tmp_path, capsys):
+    np.savez(tmp_path / "a.npz", disparity=np.zeros((5, 7), np.float32))
+    (tmp_path / "calib_velo_to_cam.txt").write_text(
+        "calib_time: 15-Mar-2012 11:37:16\nR: 0 -1 0 1 0 0 0 0 1\nT: 0 0.3 0.4\n"
+    )
+    (tmp_path / "scan.txt").write_text("1 2 3 0.5\n4 5 6 0.5\n")
+    packet = "49.0 8.4 116.4 0.03 0.01 -3.0 " + " ".join(["0"] * 24) + "\n"
+    (tmp_path / "oxts.txt").write_text(packet)
+    names = ("a.npz", "calib_velo_to_cam.txt", "scan.txt", "oxts.txt")
+    code, (arrays, transform, table, imu), text = info(capsys, *(tmp_path / n for n in names))
+    assert code == 0
+    assert arrays["columns"] == [{"name": "disparity", "dtype": "float32", "shape": "5x7"}]
+    assert transform["distance_m"] == pytest.approx(0.5)
+    assert transform["rotation_deg"] == pytest.approx(90)
+    assert (table["rows"], table["values_a_row"]) == (2, 4)
+    assert (imu["kind"], imu["latitude_deg"]) == ("imu", 49.0)
+    assert "2 rows of 4" in text
 
 
 @pytest.mark.parametrize("arguments", [[], ["absent"]])

@@ -96,29 +96,39 @@ def read_npz_time(path: Path) -> int:
 
 
 def npz_facts(path: Path) -> CloudFacts:
-    """The arrays of an archive by their headers.
+    """The columns of a cloud by their headers.
 
     Raises:
         PointFileMissing, PointFileCorrupt: it cannot be read.
     """
-    columns: list[tuple[str, str]] = []
-    points = 0
+    arrays = npz_arrays(path)
+    columns = tuple(
+        (name, f"{dtype}{f' x {shape[1]}' if len(shape) > 1 else ''}")
+        for name, (dtype, shape) in arrays.items()
+        if name not in _FACTS
+    )
+    _, shape = arrays.get("xyz", ("", ()))
+    return CloudFacts(shape[0] if shape else 0, columns, "npz", "", read_npz_time(path))
+
+
+def npz_arrays(path: Path) -> dict[str, tuple[str, tuple[int, ...]]]:
+    """Type and shape of each array of any archive by its header; no value is read.
+
+    Raises:
+        PointFileMissing, PointFileCorrupt: it cannot be read.
+    """
+    found: dict[str, tuple[str, tuple[int, ...]]] = {}
     try:
         with zipfile.ZipFile(path) as archive:
             for member in archive.infolist():
-                name = member.filename.removesuffix(_SUFFIX)
                 with archive.open(member) as file:
                     shape, _, dtype = _array_header(file)
-                if name == "xyz":
-                    points = shape[0] if shape else 0
-                if name not in _FACTS:
-                    width = f" x {shape[1]}" if len(shape) > 1 else ""
-                    columns.append((name, f"{dtype.name}{width}"))
+                found[member.filename.removesuffix(_SUFFIX)] = dtype.name, shape
     except FileNotFoundError as error:
         raise PointFileMissing("no such file", want="an NPZ", path=path) from error
     except _BROKEN as error:
         raise PointFileCorrupt("a damaged archive", want="an NPZ", path=path) from error
-    return CloudFacts(points, tuple(columns), "npz", "", read_npz_time(path))
+    return found
 
 
 def encode_npz(cloud: PointCloud) -> bytes:

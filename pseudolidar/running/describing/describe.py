@@ -15,22 +15,25 @@ from typing import Any
 from pseudolidar.errors import PseudolidarError, SourceUnknown
 from pseudolidar.formats.limits import DEFAULT_LIMITS
 from pseudolidar.formats.pictures.image_kinds import SNIFFED_BYTES, content_kind
-from pseudolidar.running.describing.describe_file import FILES
+from pseudolidar.running.describing.describe_file import FILES, TABLE
 from pseudolidar.running.describing.describe_source import (
     deep_facts,
     source_facts,
     time_facts,
     unusable_pairs,
 )
-from pseudolidar.running.describing.description import Description
+from pseudolidar.running.describing.description import READ_AS, Description, is_likely, likelihood
 from pseudolidar.running.settings_schema import choice_name
 from pseudolidar.sources.aligned_rows import with_rows_aligned
 from pseudolidar.sources.folder import Folders
+from pseudolidar.sources.names import natural_key
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.sources.synthetic import SYNTHETIC
 
 RUN_FILE = "run.json"
+# As many things in a folder are looked at, the rest is counted.
+MOST_ENTRIES = 100
 
 
 def describe(path: str, *, deep: bool = False, workers: int | None = None) -> Description:
@@ -43,7 +46,7 @@ def describe(path: str, *, deep: bool = False, workers: int | None = None) -> De
 
     Returns:
         Its `facts` hold, as far as they apply: `frames`, `times`, `rig`, `topics`, `columns`,
-        `first_file`, `run`, `written`, and with `deep` `read`, `bad_frames`, `figures`.
+        `first_file`, `run`, `written`, `entries`, and with `deep` `read`, `bad_frames`, `figures`.
 
     Raises:
         SourceUnknown: there is no such path.
@@ -78,6 +81,56 @@ def disk_usage(place: Path) -> tuple[int, int]:
     return size, files
 
 
+def entries(folder: Path) -> list[dict[str, Any]]:
+    """What is in a folder that is nothing as a whole: a row for each folder, and kind of file."""
+    rows: dict[tuple[str, str], dict[str, Any]] = {}
+    inside = sorted(folder.iterdir(), key=lambda entry: natural_key(entry.name))
+    for entry in inside[:MOST_ENTRIES]:
+        kind, what = _entry(entry)
+        key = (entry.name, "") if entry.is_dir() else (kind, what if kind == "picture" else "")
+        row = rows.setdefault(key, _row(entry.name, 0, 0, kind, what))
+        if row["things"]:
+            row["last"] = entry.name
+            row["what"] = what if what == row["what"] else f"files of kind {kind!r}"
+        row["things"] += 1
+        row["bytes"] += disk_usage(entry)[0]
+    left = len(inside) - MOST_ENTRIES
+    more = [_row("...", left, None, "unknown", "not looked at")] if left > 0 else []
+    return [*rows.values(), *more]
+
+
+def _row(name: str, things: int, size: int | None, kind: str, what: str) -> dict[str, Any]:
+    return {
+        "name": name, "last": "", "things": things, "bytes": size, "kind": kind, "what": what,
+    }  # fmt: skip
+
+
+def _entry(place: Path) -> tuple[str, str]:
+    """Kind of a thing in a folder, and its line."""
+    try:
+        source = recognise(str(place))
+    except PseudolidarError as error:
+        if place.is_dir():
+            return "folder", "a folder"
+        found = _file(str(place), 0, 0, error, deep=False)
+        return found.kind, found.what
+    kind = choice_name(type(source))
+    try:
+        return kind, source.open().summary.line
+    except PseudolidarError as error:
+        return kind, f"{_seen_as(source)}: {error.code}"
+
+
+def _seen_as(settings: Source) -> str:
+    """What a source that cannot be opened looks like."""
+    match settings:
+        case Recording():
+            return "a recording"
+        case Folders():
+            return "pictures of two eyes that cannot be used yet"
+    return f"looks like {choice_name(type(settings))}, which cannot be used"
+
+
 def _source(
     path: str, settings: Source, size: int, files: int, *, deep: bool, workers: int | None
 ) -> Description:
@@ -89,11 +142,14 @@ def _source(
     try:
         source = with_rows_aligned(settings.open())
     except PseudolidarError as error:
-        what = "a recording" if isinstance(settings, Recording) else f"looks like {kind}"
-        unknown.append(_unknown("frames", error))
+        reason = _unknown("frames", error)
+        if not any(reason["got"] == other["got"] for other in unknown):
+            unknown.append(reason)
         if isinstance(settings, Folders):
-            what = "pictures of two eyes that cannot be used yet"
             _into(facts, unknown, "pictures", lambda: unusable_pairs(settings))
+            rows = entries(Path(path))
+            facts |= {"entries": rows} if any(row["kind"] == "folder" for row in rows) else {}
+        what = _seen_as(settings)
         return Description(path, kind, what, size, files, facts, unknown=tuple(unknown))
     summary = source.summary
     _into(facts, unknown, "frames", lambda: source_facts(source))
@@ -140,10 +196,20 @@ def _file(
     place = Path(path)
     if not place.is_file():
         reason = (_unknown("what it is", refusal),)
-        what = "a folder of nothing that is known" if place.is_dir() else "nothing that can be read"
-        return Description(path, "unknown", what, size, files, unknown=reason)
+        if not place.is_dir():
+            return Description(
+                path, "unknown", "nothing that can be read", size, files, unknown=reason
+            )
+        rows = entries(place)
+        if any(row["kind"] != "unknown" for row in rows):
+            what = "a folder of several things" if len(rows) > 1 else f"a folder: {rows[0]['what']}"
+            return Description(path, "folder", what, size, files, {"entries": rows})
+        what = "a folder of nothing that is known"
+        return Description(
+            path, "unknown", what, size, files, {"entries": rows} if rows else {}, unknown=reason
+        )
     errors: list[dict[str, Any]] = []
-    for kind in FILES:
+    for kind in (*FILES, TABLE):
         if not kind.looks_like(place):
             continue
         try:
@@ -151,16 +217,20 @@ def _file(
             facts |= kind.values(place) if deep else {}
             return Description(path, kind.name, what, size, files, facts, notes)
         except PseudolidarError as error:
-            errors.append(_unknown(f"as {kind.name}", error))
+            if kind is not TABLE:
+                errors.append(_unknown(f"{READ_AS}{kind.name}", error))
+    errors.sort(key=likelihood, reverse=True)
+    what = _unreadable(place, errors)
+    reasons = tuple(errors) or (_unknown("what it is", refusal),)
+    return Description(path, "unknown", what, size, files, unknown=reasons)
+
+
+def _unreadable(place: Path, errors: list[dict[str, Any]]) -> str:
+    """What a file is that no reader takes: what it begins as, or by its content."""
+    if errors and is_likely(errors[0]):
+        return f"a file of kind {errors[0]['what'].removeprefix(READ_AS)!r} that cannot be used"
     found = content_of(place)
-    return Description(
-        path,
-        "unknown",
-        f"a file that is not read: {found}" if found else "a file of no known kind",
-        size,
-        files,
-        unknown=tuple(errors) or (_unknown("what it is", refusal),),
-    )
+    return f"a file that is not read: {found}" if found else "a file of no known kind"
 
 
 def content_of(place: Path) -> str:

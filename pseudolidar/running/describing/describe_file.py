@@ -12,29 +12,37 @@ import numpy as np
 
 from pseudolidar.errors import (
     CalibrationField,
+    CalibrationSyntax,
     LabelError,
+    PointFileCorrupt,
     PoseFileError,
     SequenceTime,
 )
 from pseudolidar.evaluation.map_files import read_map
 from pseudolidar.formats.labels import read_labels
 from pseudolidar.formats.onnx_model import read_onnx
+from pseudolidar.formats.oxts import read_oxts
 from pseudolidar.formats.pictures.image import read_header
 from pseudolidar.formats.pictures.image_kinds import EXTENSIONS, SNIFFED_BYTES, content_kind
+from pseudolidar.formats.points.npz import npz_arrays
+from pseudolidar.formats.rigs.key_values import read_key_values
 from pseudolidar.formats.rigs.rig_file import read_any_rig
+from pseudolidar.formats.text import NUMBER, read_lines
 from pseudolidar.formats.timestamps import read_times, read_timestamps
 from pseudolidar.formats.trajectory import read_kitti_poses
 from pseudolidar.formats.tum import read_tum_trajectory
 from pseudolidar.running.describing.column_figures import ColumnFigures
 from pseudolidar.running.describing.describe_source import rig_facts, time_facts
+from pseudolidar.running.describing.description import lines_before
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.pose import Pose
+from pseudolidar.structures.pose import Pose, rotation_error
 
 Found = tuple[str, dict[str, Any], tuple[str, ...]]
 # Holds any principal point; such a size is never told.
 _ANY_SIZE_PX = (100_000, 100_000)
 _RIG_SUFFIXES = {".json", ".yaml", ".yml", ".xml", ".txt"}
 _PICTURES = set().union(*EXTENSIONS.values())
+ROTATION_TOLERANCE = 1e-3
 # KITTI's poses are 12 numbers a line, TUM's 8.
 _POSE_SUFFIXES = {".txt", ".csv", ".tum"}
 
@@ -115,6 +123,55 @@ def _rig(path: Path) -> Found:
     return form, {"rig": facts}, (*notes, *reading.notes)
 
 
+def _transform(path: Path) -> Found:
+    """`calib_velo_to_cam.txt` and the like: where one sensor is for another."""
+    fields = read_key_values(path, {"R": 9, "T": 3})
+    R, t_m = fields.require("R").reshape(3, 3), fields.require("T")
+    if rotation_error(R) > ROTATION_TOLERANCE:
+        raise CalibrationField("an R that is no rotation", want="R (9) and T (3)", path=path)
+    angle = np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1))
+    facts: dict[str, Any] = {
+        "translation_m": [float(value) for value in t_m],
+        "distance_m": float(np.linalg.norm(t_m)),
+        "rotation_deg": float(np.degrees(angle)),
+    }
+    return "where one sensor is for another (KITTI raw: R and T)", facts, ()
+
+
+def _oxts(path: Path) -> Found:
+    packet = read_oxts(path)
+    facts = {name: getattr(packet, name) for name in ("latitude_deg", "longitude_deg")}
+    facts |= {"altitude_m": packet.altitude_m, "yaw_deg": float(np.degrees(packet.yaw_rad))}
+    return "where the IMU was at one moment (KITTI raw: OXTS)", facts, ()
+
+
+def _arrays(path: Path) -> Found:
+    arrays = npz_arrays(path)
+    if not arrays:
+        raise PointFileCorrupt("no array", want="arrays of NumPy", path=path)
+    rows = [
+        {"name": name, "dtype": dtype, "shape": "x".join(map(str, shape)) or "one value"}
+        for name, (dtype, shape) in arrays.items()
+    ]
+    return "arrays of NumPy", {"columns": rows}, ()
+
+
+def _table(path: Path) -> Found:
+    """Rows of as many numbers each, whatever they mean."""
+    rows, width = 0, 0
+    for line in read_lines(path, error=CalibrationSyntax):
+        words = line.text.split()
+        if not words:
+            continue
+        if (rows and len(words) != width) or not all(map(NUMBER.fullmatch, words)):
+            raise line.refusal(f"{len(words)} words", want=f"{width or 'some'} numbers")
+        rows, width = rows + 1, len(words)
+    if not rows:
+        raise CalibrationSyntax("nothing in the file", want="rows of numbers", path=path)
+    facts = {"rows": rows, "values_a_row": width}
+    return f"a table of numbers: {rows} rows of {width}; its meaning is not known", facts, ()
+
+
 def _times(path: Path) -> Found:
     try:
         stamps: Sequence[int] = read_times(path)
@@ -141,8 +198,8 @@ def _trajectory(path: Path) -> Found:
     except PoseFileError as tum:
         try:
             times, poses = (), read_kitti_poses(path)
-        except PoseFileError:
-            raise tum from None
+        except PoseFileError as kitti:
+            raise max(kitti, tum, key=lambda error: lines_before(error.where)) from None
     if not len(poses):
         raise PoseFileError("no pose", want="a line for each pose", path=path)
     steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
@@ -198,4 +255,9 @@ FILES = (
     FileKind("labels", _has(".txt"), _labels),
     FileKind("times", _has(".txt"), _times),
     FileKind("calibration", _has(*_RIG_SUFFIXES), _rig),
+    FileKind("transform", _has(".txt"), _transform),
+    FileKind("imu", _has(".txt"), _oxts),
+    FileKind("arrays", _has(".npz"), _arrays),
 )
+# What any text may be: what is wrong with one that is not tells nothing.
+TABLE = FileKind("table", _has(".txt", ".csv"), _table)
