@@ -22,7 +22,15 @@ _PICKLE_MAGIC = (b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05", b"PK\x03\x0
 _DTYPES = {1: "float32", 2: "uint8", 3: "int8", 6: "int32", 7: "int64", 9: "bool", 10: "float16"}
 _DTYPES |= {11: "float64", 16: "bfloat16"}
 _DEEPEST = 32
-_EXTERNAL = 1  # data_location of a tensor
+# Field numbers of the messages.
+_MODEL_GRAPH, _MODEL_METADATA, _MODEL_FUNCTION = 7, 14, 25
+_FUNCTION_NODE, _FUNCTION_DEFAULT = 7, 11
+_GRAPH_NODE, _GRAPH_WEIGHTS, _GRAPH_INPUT, _GRAPH_OUTPUT, _GRAPH_SPARSE_WEIGHTS = 1, 5, 11, 12, 15
+_SPARSE_PARTS = (1, 2)  # values and indices, both tensors
+_NODE_ATTRIBUTE = 5
+_ATTRIBUTE_TENSORS, _ATTRIBUTE_GRAPHS = (5, 10), (6, 11)  # one, and a list
+_TENSOR_NAME, _TENSOR_EXTERNAL, _TENSOR_PLACE = 8, 13, 14
+_EXTERNAL = 1  # place of a tensor in another file
 _BLOCK_BYTES = 1 << 20
 
 Axis = int | str | None
@@ -164,34 +172,36 @@ def _external_files(path: Path, locations: set[str]) -> tuple[Path, ...]:
 def _model(path: Path, data: memoryview) -> tuple[OnnxModel, set[str]]:
     graphs, metadata, locations = [], {}, set[str]()
     for number, value in _views(data):
-        if number == 7:  # graph
+        if number == _MODEL_GRAPH:
             graphs.append(value)
-        elif number == 14:  # metadata_props
+        elif number == _MODEL_METADATA:
             entry = _entry(value)
             metadata[entry[0]] = entry[1]
-        elif number == 25:  # functions
-            for inner, node in _views(value):
-                if inner == 7:
-                    locations |= _node_locations(node, 0)
-                elif inner == 11:  # default attributes
-                    locations |= _attribute_locations(node, 0)
+        elif number == _MODEL_FUNCTION:
+            locations |= _function_locations(value)
     if len(graphs) != 1:
         raise ValueError(f"{len(graphs)} graphs in it")
+    inputs, outputs = _signature(graphs[0])
+    locations |= _graph_locations(graphs[0], 0)
+    return OnnxModel(path, inputs, outputs, metadata), locations
+
+
+def _signature(graph: memoryview) -> tuple[tuple[TensorInfo, ...], tuple[TensorInfo, ...]]:
+    """Inputs that a graph must be given, and its outputs."""
     inputs: list[TensorInfo] = []
     outputs: list[TensorInfo] = []
     stored: set[str] = set()
-    for number, value in _views(graphs[0]):
-        if number == 11:
+    for number, value in _views(graph):
+        if number == _GRAPH_INPUT:
             inputs.append(_tensor_info(value))
-        elif number == 12:
+        elif number == _GRAPH_OUTPUT:
             outputs.append(_tensor_info(value))
-        elif number == 5:
-            stored |= {str(v, "utf-8") for n, v in _views(value) if n == 8}
-    locations |= _graph_locations(graphs[0], 0)
+        elif number == _GRAPH_WEIGHTS:
+            stored |= {str(v, "utf-8") for n, v in _views(value) if n == _TENSOR_NAME}
     if not inputs or not outputs:
         raise ValueError("it has no inputs or no outputs")
-    free = tuple(info for info in inputs if info.name not in stored)
-    return OnnxModel(path, free, tuple(outputs), metadata), locations
+    # Older files list stored weights among the inputs.
+    return tuple(info for info in inputs if info.name not in stored), tuple(outputs)
 
 
 def _views(data: memoryview) -> Iterator[tuple[int, memoryview]]:
@@ -242,13 +252,23 @@ def _graph_locations(data: memoryview, depth: int) -> set[str]:
     """Files that the tensors of a graph, and of the graphs inside its nodes, name."""
     found: set[str] = set()
     for number, value in _views(data):
-        if number == 1:
+        if number == _GRAPH_NODE:
             found |= _node_locations(value, depth)
-        elif number == 5:
+        elif number == _GRAPH_WEIGHTS:
             found |= _tensor_locations(value)
-        elif number == 15:  # sparse_initializer: values, indices
-            for inner, tensor in _views(value):
-                found |= _tensor_locations(tensor) if inner in (1, 2) else set()
+        elif number == _GRAPH_SPARSE_WEIGHTS:
+            parts = (tensor for inner, tensor in _views(value) if inner in _SPARSE_PARTS)
+            found = found.union(*map(_tensor_locations, parts))
+    return found
+
+
+def _function_locations(data: memoryview) -> set[str]:
+    found: set[str] = set()
+    for number, value in _views(data):
+        if number == _FUNCTION_NODE:
+            found |= _node_locations(value, 0)
+        elif number == _FUNCTION_DEFAULT:
+            found |= _attribute_locations(value, 0)
     return found
 
 
@@ -257,7 +277,7 @@ def _node_locations(data: memoryview, depth: int) -> set[str]:
         raise ValueError(f"graphs more than {_DEEPEST} deep")
     found: set[str] = set()
     for number, attribute in _views(data):
-        if number == 5:
+        if number == _NODE_ATTRIBUTE:
             found |= _attribute_locations(attribute, depth)
     return found
 
@@ -265,9 +285,9 @@ def _node_locations(data: memoryview, depth: int) -> set[str]:
 def _attribute_locations(data: memoryview, depth: int) -> set[str]:
     found: set[str] = set()
     for number, value in _views(data):
-        if number in (5, 10):  # t, tensors
+        if number in _ATTRIBUTE_TENSORS:
             found |= _tensor_locations(value)
-        elif number in (6, 11):  # g, graphs
+        elif number in _ATTRIBUTE_GRAPHS:
             found |= _graph_locations(value, depth + 1)
     return found
 
@@ -275,9 +295,9 @@ def _attribute_locations(data: memoryview, depth: int) -> set[str]:
 def _tensor_locations(data: memoryview) -> set[str]:
     found, external = set(), False
     for number, value in message_fields(data):
-        if number == 14 and value == _EXTERNAL:
+        if number == _TENSOR_PLACE and value == _EXTERNAL:
             external = True
-        elif number == 13 and isinstance(value, memoryview):
+        elif number == _TENSOR_EXTERNAL and isinstance(value, memoryview):
             external = True
             key, text = _entry(value)
             found |= {text} if key == "location" else set()

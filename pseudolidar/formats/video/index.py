@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -124,12 +124,13 @@ def read_index(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> VideoIndex:
                 fix=raise_cap("pixels"),
                 path=path,
             )
-        packets: list[tuple[int | None, int | None, bool, bool]] = []
+        packets: list[_Packet] = []
         cut = ""
         try:
             for packet in container.demux(stream):
                 if packet.size:
-                    packets.append((packet.pts, packet.dts, packet.is_keyframe, packet.is_discard))
+                    found = (packet.pts, packet.dts, packet.is_keyframe, packet.is_discard)
+                    packets.append(_Packet(*found))
         except av.error.FFmpegError as error:
             cut = str(error.strerror or error)
         if not packets:
@@ -139,12 +140,17 @@ def read_index(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> VideoIndex:
         return _index(container, stream, packets, size_px, cut)
 
 
+class _Packet(NamedTuple):
+    """What a container says of a packet: when it is shown and decoded, ticks."""
+
+    shown: int | None
+    decoded: int | None
+    is_key: bool
+    is_discarded: bool
+
+
 def _index(
-    container: Any,
-    stream: Any,
-    packets: list[tuple[int | None, int | None, bool, bool]],
-    size_px: tuple[int, int],
-    cut: str,
+    container: Any, stream: Any, packets: list[_Packet], size_px: tuple[int, int], cut: str
 ) -> VideoIndex:
     name = container.format.name.partition(",")[0]
     shown, decoded, keys, discarded = zip(*packets, strict=True)
@@ -153,27 +159,19 @@ def _index(
     counted = bare or None in shown or (name in DECODING_TIMES_ONLY and reordered)
     timed = not bare and None not in (decoded if counted else shown)
     if counted:
-        ticks = np.array(decoded if timed else range(len(packets)), np.int64)
-        ticks.sort()
+        ticks = np.sort(np.array(decoded if timed else range(len(packets)), np.int64))
         is_key = np.zeros(len(packets), np.bool_) if reordered else np.array(keys, np.bool_)
     else:
         ticks, is_key = np.array(shown, np.int64), np.array(keys, np.bool_)
     is_key[0] = True  # there is nothing before it to begin at
-    kept = ~np.array(discarded, np.bool_)
     leading = np.zeros(len(packets), np.bool_) if counted else ticks < ticks[0]
-    kept &= ~leading
-    order = np.flatnonzero(kept)[np.argsort(ticks[kept], kind="stable")]
-    first = np.ones(len(order), np.bool_)
-    first[1:] = ticks[order][1:] != ticks[order][:-1]
-    frames = order[first]
+    kept = ~np.array(discarded, np.bool_) & ~leading
+    frames = _distinct(ticks, kept)
     key_packet = np.flatnonzero(is_key & np.isin(np.arange(len(packets)), frames))
     if not len(key_packet) or key_packet[0] != 0:
         key_packet = np.concatenate([[0], key_packet]).astype(np.int64)
-    by_shown_time = counted or name == "matroska"
-    seek = [
-        int(ticks[k]) if by_shown_time or decoded[k] is None else int(decoded[k])
-        for k in key_packet
-    ]
+    by_shown = counted or name == "matroska"  # other containers seek by times of decoding
+    seek = [ticks[k] if by_shown or decoded[k] is None else decoded[k] for k in key_packet]
     rate = stream.average_rate or stream.guessed_rate or Fraction(25)
     return VideoIndex(
         container=name,
@@ -181,7 +179,7 @@ def _index(
         size_px=size_px,
         time_base=Fraction(stream.time_base) if timed else 1 / Fraction(rate),
         ticks=ticks[frames],
-        packet=frames.astype(np.int64),
+        packet=frames,
         key_packet=key_packet,
         key_frame=np.searchsorted(ticks[frames], ticks[key_packet]).astype(np.int64),
         key_seek=np.array(seek, np.int64),
@@ -190,10 +188,18 @@ def _index(
         timed=timed,
         packets=len(packets),
         promised=int(stream.frames),
-        repeated=int(np.count_nonzero(~first)),
+        repeated=int(np.count_nonzero(kept)) - len(frames),
         leading=int(np.count_nonzero(leading)),
         cut=cut,
     )
+
+
+def _distinct(ticks: Int64, kept: Bool) -> Int64:
+    """Packets in order of presentation; of those of one time the first."""
+    order = np.flatnonzero(kept)[np.argsort(ticks[kept], kind="stable")]
+    first = np.ones(len(order), np.bool_)
+    first[1:] = ticks[order][1:] != ticks[order][:-1]
+    return order[first].astype(np.int64)
 
 
 def _open_keys(ticks: Int64, key_packet: Int64) -> Bool:

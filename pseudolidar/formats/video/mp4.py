@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,21 +24,8 @@ ENCODERS: dict[str, dict[str, str]] = {
 KEY_EVERY = 50
 
 
-@dataclass(frozen=True)
-class Encoder:
-    """An encoder that this build of FFmpeg has.
-
-    Args:
-        name: as FFmpeg calls it.
-        plays: whether browsers play what it makes.
-    """
-
-    name: str
-    plays: bool
-
-
-def mp4_encoder() -> Encoder:
-    """The best encoder that is built in.
+def mp4_encoder() -> str:
+    """The best encoder that is built in, as FFmpeg calls it.
 
     Raises:
         MissingDependency: there is none.
@@ -48,7 +34,7 @@ def mp4_encoder() -> Encoder:
 
     for name in ENCODERS:
         if name in av.codecs_available:
-            return Encoder(name, name != "mpeg4")
+            return name
     raise MissingDependency(
         "PyAV without an encoder for MP4",
         want=" or ".join(ENCODERS),
@@ -96,10 +82,10 @@ def _stream(container: Any, picture: UInt8) -> Any:
     from fractions import Fraction
 
     encoder = mp4_encoder()
-    stream = container.add_stream(encoder.name)
+    stream = container.add_stream(encoder)
     stream.height, stream.width = picture.shape[:2]
     stream.pix_fmt, stream.gop_size = "yuv420p", KEY_EVERY
-    stream.options = ENCODERS[encoder.name] | {"flags": "+bitexact"}
+    stream.options = ENCODERS[encoder] | {"flags": "+bitexact"}
     context = stream.codec_context
     stream.time_base = context.time_base = Fraction(1, TICKS_PER_S)
     context.thread_count = 1

@@ -22,8 +22,7 @@ def test_it_is_what_browsers_play(tmp_path):
         assert stream.codec_context.pix_fmt == "yuv420p"
         assert "creation_time" not in container.metadata | stream.metadata
         assert container.duration == 500_000
-    assert mp4_encoder().plays
-    assert next(iter(ENCODERS)) == mp4_encoder().name, "the wheels of PyAV have libx264"
+    assert next(iter(ENCODERS)) == mp4_encoder(), "the wheels of PyAV have libx264"
 
 
 def test_times_are_kept_and_the_last_frame_lasts(tmp_path):
