@@ -53,17 +53,27 @@ def scan_of_beams(scan: LidarScan, beams: int, *, pattern: BeamPattern = "even")
         beams: lasers that are kept; all of them where the scan has no more.
         pattern: which.
     """
-    if not len(scan):
-        return scan
-    laser = lasers_of(scan.xyz)
-    count = int(laser.max()) + 1
+    used = of_beams(scan.xyz, beams, pattern=pattern)
+    return scan if used.all() else _subset(scan, used)
+
+
+def of_beams(xyz: AnyArray, beams: int, *, pattern: BeamPattern = "even") -> Bool:
+    """(N,) points that some lasers measured.
+
+    Args:
+        xyz: (N, 3) m in the LiDAR's frame, in the order of the file.
+        beams: lasers that are kept; all of them where there are no more.
+        pattern: which.
+    """
+    laser = lasers_of(xyz)
+    count = int(laser.max()) + 1 if len(xyz) else 0
     if beams >= count:
-        return scan
+        return np.ones(len(xyz), np.bool_)
     if pattern == "even":
         chosen = ((np.arange(beams) + 0.5) * count / beams).astype(np.int64)
     else:
-        chosen = _level_lasers(scan.xyz, laser, beams)
-    return _subset(scan, np.isin(laser, chosen))
+        chosen = _level_lasers(xyz, laser, beams)
+    return np.isin(laser, chosen)
 
 
 def _is_laser_by_laser(turn: Int64, elevation_deg: AnyArray) -> bool:
