@@ -36,8 +36,8 @@ class RigError:
 
     def at(self, features: Float64) -> tuple[Float64, Float64]:
         """(N,) px and (N,) its standard deviation, px, of (N, 8) features."""
-        variance = ((features @ self.covariance) * features).sum(axis=1)
-        return features @ self.coefficients, np.sqrt(np.maximum(variance, 0.0))
+        variance = (_times(features, self.covariance) * features).sum(axis=1)
+        return _times(features, self.coefficients), np.sqrt(np.maximum(variance, 0.0))
 
 
 def rig_error(
@@ -60,15 +60,21 @@ def rig_error(
     coefficients = np.zeros(count)
     coefficients[0] = np.median(error_px)
     for _ in range(ITERATIONS):
-        ratio = np.abs(error_px - features @ coefficients) / sigma_px
+        ratio = np.abs(error_px - _times(features, coefficients)) / sigma_px
         scale = max(LEAST_SCALE, float(np.quantile(ratio, ONE_SIGMA_SHARE)))
         weight = precision / (1.0 + (ratio / (CAUCHY_PER_SIGMA * scale)) ** 2)
         weighted = features * (weight / weight.sum())[:, None]
         variance = scale**2 / (precision.mean() * INDEPENDENT)
-        normal = weighted.T @ features + variance / prior_px**2 * np.eye(count)
-        updated = np.linalg.solve(normal, weighted.T @ error_px)
+        normal = np.einsum("ni,nj->ij", weighted, features)
+        normal += variance / prior_px**2 * np.eye(count)
+        updated = np.linalg.solve(normal, np.einsum("ni,n->i", weighted, error_px))
         change = np.abs(updated - coefficients).max()
         coefficients = updated
         if change < CONVERGED_PX:
             break
     return RigError(coefficients, variance * np.linalg.inv(normal))
+
+
+def _times(rows: Float64, factor: Float64) -> Float64:
+    """`rows @ factor`, with the same roundings for any number of threads, which BLAS has not."""
+    return np.asarray(np.einsum("ni,i...->n...", rows, factor))
