@@ -36,11 +36,12 @@ def tracks(
     n: int = 400,
     depths_m: tuple[float, float] = (6.0, 80.0),
     offset_px: float = 0.0,
+    bend_px: float = 0.0,
     noise_px: float = 0.0,
     outliers: float = 0.0,
     seed: int = 0,
 ) -> PointTracks:
-    """What both eyes see before and after; `offset_px (1 + x^2)` too much of disparity."""
+    """What both eyes see before and after, with `offset_px (1 + x^2) + bend_px x^2` too much."""
     rng = np.random.default_rng(seed)
     z = 1 / rng.uniform(1 / depths_m[1], 1 / depths_m[0], n)
     uv = rng.uniform((0, 0), of.left.size_px, (n, 2))
@@ -49,7 +50,7 @@ def tracks(
     for at in (points, points @ T[:3, :3].T + T[:3, 3]):
         where, d = observed(at, of)
         x = (where[:, 0] - of.left.K[0, 2]) / of.left.K[0, 0]
-        d = d + offset_px * (1 + x**2) + rng.normal(0, noise_px, n)
+        d = d + offset_px * (1 + x**2) + bend_px * x**2 + rng.normal(0, noise_px, n)
         seen += [where + rng.normal(0, noise_px, (n, 2)) * (at is not points), d]
     wrong = rng.random(n) < outliers
     seen[2][wrong] += rng.uniform(3, 20, (wrong.sum(), 2))

@@ -2,8 +2,9 @@
 
 What comes nearer grows in the picture and in disparity by the same factor. An offset of the
 disparities breaks that. It is an unknown of all motions together, `offset (1 + x^2)` with x the
-tangent of the angle to the optical axis: what a rotation of one camera about the vertical makes.
-A wrong focal length or baseline scales all motions alike and breaks nothing: it cannot be seen.
+tangent of the angle to the optical axis: what a rotation of one camera about the vertical makes;
+and, where the motions ask for it, `bend x^2` more: what lenses leave. A wrong focal length or
+baseline scales all motions alike and breaks nothing: it cannot be seen.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ import numpy as np
 
 from pseudolidar.geometry.pnp import CAUCHY_ITERATIONS, RelativePose, linearised
 from pseudolidar.geometry.twists import exp_twist
-from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.arrays import Bool, Float64
 from pseudolidar.structures.camera import StereoRig
 
-# What a rig is expected to be off by, one standard deviation, px. The tracks are too sure of
-# themselves by about a factor of 10, so the expectation counts as much more.
-PRIOR_PX, TOO_SURE = 1.0, 10.0
+# What a rig is expected to be off by, one standard deviation, px: offset and bend. The tracks are
+# too sure of themselves by about a factor of 10, so the expectation counts as much more.
+PRIOR_PX, TOO_SURE = (1.0, 1.0), 10.0
 ITERATIONS, CONVERGED_PX = 20, 1e-5
 
 
@@ -29,69 +30,78 @@ class MotionOffset:
     """The offset that fits all motions.
 
     Args:
-        offset_px: of the disparities on the optical axis.
-        information: (P,) of each motion, 1/px^2, as its tracks alone tell.
-        own_px: (P,) what each motion alone would say.
+        shape_px: (K,) offset, and bend where that was sought.
+        information: (P, K, K) of each motion, 1/px^2, as its tracks alone tell.
+        wish: (P, K) information times what each motion alone would say.
         motions: with the offset taken off.
     """
 
-    offset_px: float
+    shape_px: Float64
     information: Float64
-    own_px: Float64
+    wish: Float64
     motions: tuple[RelativePose, ...]
 
-    def without(self, left_out: Float64) -> float:
-        """The offset of all motions but the marked ones (P,)."""
-        information = np.where(left_out, 0.0, self.information)
-        return float(np.sum(information * self.own_px) / (information.sum() + _PRIOR))
+    def without(self, left_out: Bool) -> Float64:
+        """(K,) of all motions but the marked ones (P,)."""
+        kept = ~left_out
+        return _solved(self.information[kept].sum(axis=0), self.wish[kept].sum(axis=0))
 
 
-_PRIOR = (TOO_SURE / PRIOR_PX) ** 2
+def shape_of(u: Float64, rig: StereoRig, unknowns: int) -> Float64:
+    """(N, K) `1 + x^2` and `x^2` of columns u (N,) px, the first K of them."""
+    squared = ((u - rig.left.K[0, 2]) / rig.left.K[0, 0]) ** 2
+    return np.stack([1.0 + squared, squared], axis=1)[:, :unknowns]
 
 
-def vergence(u: Float64, rig: StereoRig) -> Float64:
-    """(N,) `1 + x^2` of columns u, px: the shape of what turning the right camera adds."""
-    return np.asarray(1.0 + ((u - rig.left.K[0, 2]) / rig.left.K[0, 0]) ** 2)
-
-
-def vergence_coefficients(offset_px: float, rig: StereoRig) -> Float64:
-    """(8,) of a `DisparityCorrection` that is `offset_px (1 + x^2)`."""
+def correction_coefficients(shape_px: Float64, rig: StereoRig) -> Float64:
+    """(8,) of a `DisparityCorrection` that is `offset (1 + x^2)`, and `bend x^2` where given."""
     half_width = (rig.left.width_px - 1) / 2
     slope = half_width / rig.left.K[0, 0]
     start = (half_width - rig.left.K[0, 2]) / rig.left.K[0, 0]
     coefficients = np.zeros(8)
-    coefficients[[0, 2, 4]] = 1 + start**2, 2 * slope * start, slope**2
-    return coefficients * offset_px
+    coefficients[[0, 2, 4]] = start**2, 2 * slope * start, slope**2
+    coefficients *= shape_px.sum()
+    coefficients[0] += shape_px[0]
+    return coefficients
 
 
 def joint_offset(
-    motions: Sequence[RelativePose], rig: StereoRig, *, poses_known: bool = False
+    motions: Sequence[RelativePose],
+    rig: StereoRig,
+    *,
+    unknowns: int = 1,
+    poses_known: bool = False,
 ) -> MotionOffset:
     """Solve for the offset and all motions together, robustly.
 
-    Each motion is eliminated by its Schur complement, so that one number is left.
+    Each motion is eliminated by its Schur complement, so that one or two numbers are left.
 
     Args:
         motions: at least one, found without an offset.
         rig: its correction is not used.
+        unknowns: 1 for the offset alone, 2 for offset and bend.
         poses_known: the motions are right and only the offset is sought.
     """
-    offset_px, motions = 0.0, tuple(motions)
+    shape_px, motions = np.zeros(unknowns), tuple(motions)
     for iteration in range(ITERATIONS):
         parts = [
-            _eliminated(motion, rig, offset_px, forgetting=iteration >= CAUCHY_ITERATIONS)
+            _eliminated(motion, rig, shape_px, forgetting=iteration >= CAUCHY_ITERATIONS)
             for motion in motions
         ]
-        information = np.array([part.information for part in parts])
-        pull = np.array([part.pull for part in parts])
-        step_px = float((pull.sum() - _PRIOR * offset_px) / (information.sum() + _PRIOR))
+        information = np.stack([part.information for part in parts])
+        wish = np.stack([part.pull + part.information @ shape_px for part in parts])
+        step_px = _solved(information.sum(axis=0), wish.sum(axis=0)) - shape_px
         if not poses_known:
             motions = tuple(part.moved(step_px) for part in parts)
-        offset_px += step_px
-        if abs(step_px) < CONVERGED_PX and iteration > CAUCHY_ITERATIONS:
+        shape_px = shape_px + step_px
+        if np.abs(step_px).max() < CONVERGED_PX and iteration > CAUCHY_ITERATIONS:
             break
-    own_px = offset_px - step_px + pull / np.maximum(information, np.finfo(float).tiny)
-    return MotionOffset(offset_px, information, own_px, motions)
+    return MotionOffset(shape_px, information, wish, motions)
+
+
+def _solved(information: Float64, wish: Float64) -> Float64:
+    prior = np.diag((TOO_SURE / np.array(PRIOR_PX[: len(wish)])) ** 2)
+    return np.asarray(np.linalg.solve(information + prior, wish))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,34 +109,35 @@ class _Eliminated:
     """What one motion says of the offset when the motion itself is unknown."""
 
     motion: RelativePose
-    information: float
-    pull: float
+    information: Float64
+    pull: Float64
     step: Float64
-    step_by_offset: Float64
+    step_by_shape: Float64
 
-    def moved(self, offset_step_px: float) -> RelativePose:
-        twist = self.step - self.step_by_offset * offset_step_px
+    def moved(self, shape_step_px: Float64) -> RelativePose:
+        twist = self.step - self.step_by_shape @ shape_step_px
         return replace(self.motion, T_to_from=exp_twist(twist) @ self.motion.T_to_from)
 
 
 def _eliminated(
-    motion: RelativePose, rig: StereoRig, offset_px: float, *, forgetting: bool
+    motion: RelativePose, rig: StereoRig, shape_px: Float64, *, forgetting: bool
 ) -> _Eliminated:
     tracks = motion.tracks
-    shape = np.stack([vergence(uv[:, 0], rig) for uv in (tracks.uv_from, tracks.uv_to)])
-    at = linearised(motion.T_to_from, tracks, rig, offset_px=offset_px * shape)
-    by_offset = -at.by_seed * shape[0][:, None]
-    by_offset[:, 2] += shape[1]
-    columns = np.concatenate([at.by_pose, by_offset[:, :, None]], axis=2)
+    shape = [shape_of(uv[:, 0], rig, len(shape_px)) for uv in (tracks.uv_from, tracks.uv_to)]
+    offset_px = np.stack([np.sum(each * shape_px, axis=1) for each in shape])
+    at = linearised(motion.T_to_from, tracks, rig, offset_px=offset_px)
+    by_shape = -at.by_seed[:, :, None] * shape[0][:, None, :]
+    by_shape[:, 2, :] += shape[1]
+    columns = np.concatenate([at.by_pose, by_shape], axis=2)
     weights = at.weights(forgetting=forgetting)
     weighted = at.whitened(columns) * weights[:, None, None]
     H = np.einsum("nij,nik->jk", columns, weighted)
     b = np.einsum("nij,ni->j", weighted, at.error)
-    step, step_by_offset = np.linalg.solve(H[:6, :6], np.column_stack([b[:6], H[:6, 6]])).T
+    solved = np.linalg.solve(H[:6, :6], np.column_stack([b[:6], H[:6, 6:]]))
     return _Eliminated(
         motion=replace(motion, information=H[:6, :6], weights=weights),
-        information=float(H[6, 6] - H[6, :6] @ step_by_offset),
-        pull=float(b[6] - H[6, :6] @ step),
-        step=step,
-        step_by_offset=step_by_offset,
+        information=H[6:, 6:] - H[6:, :6] @ solved[:, 1:],
+        pull=b[6:] - H[6:, :6] @ solved[:, 0],
+        step=solved[:, 0],
+        step_by_shape=solved[:, 1:],
     )

@@ -9,7 +9,7 @@ import pytest
 from pseudolidar.calibration.far_points import FarPoints
 from pseudolidar.calibration.motion import Motion
 from pseudolidar.calibration.motion_fit import fitted
-from pseudolidar.calibration.motion_offset import vergence, vergence_coefficients
+from pseudolidar.calibration.motion_offset import correction_coefficients, shape_of
 from pseudolidar.errors import MotionInsufficient, UsageError
 from pseudolidar.geometry.pnp import refined_pose
 from pseudolidar.geometry.tracking import MatchedPair
@@ -67,10 +67,23 @@ def test_a_wrong_baseline_is_not_seen():
 
 def test_the_correction_is_the_shape_of_the_offset():
     of = rig()
-    u = np.linspace(0, 1241, 50)
-    correction = DisparityCorrection(vergence_coefficients(-0.4, of), 0.0)
+    u, shape_px = np.linspace(0, 1241, 50), np.array([-0.4, 0.9])
+    correction = DisparityCorrection(correction_coefficients(shape_px, of), 0.0)
     offsets = correction.offset_px(np.full(50, 20.0), u, np.full(50, 99.0), of.left.size_px)
-    assert np.allclose(offsets, -0.4 * vergence(u, of), atol=1e-12)
+    assert np.allclose(offsets, shape_of(u, of, 2) @ shape_px, atol=1e-12)
+
+
+@pytest.mark.parametrize("bend_px", [-1.2, 0.0, 0.1])
+def test_a_bend_is_taken_where_it_is_sure(bend_px):
+    of = rig()
+    seen = motions_of(of, 12, offset_px=0.2, bend_px=bend_px, noise_px=0.2)
+    fit = fit_of(of, seen)
+    if abs(bend_px) < 0.4:
+        assert fit.bend_px == 0.0
+    else:
+        assert fit.bend_px == pytest.approx(bend_px, abs=0.15)
+        assert "x^2" in fit.offset_text.partition("(1 + x^2)")[2]
+    assert fit.offset_px == pytest.approx(0.2, abs=0.05)
 
 
 @pytest.mark.parametrize(
@@ -132,7 +145,8 @@ def with_offset(frame, offset_px):
     """The right picture as a turned camera would take it."""
     height, width = frame.right.shape[:2]
     u, v = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-    shifted = (u + offset_px * vergence(u.astype(float), frame.rig)).astype(np.float32)
+    turned = shape_of(u[0].astype(float), frame.rig, 1)[:, 0]
+    shifted = (u + offset_px * turned).astype(np.float32)
     right = cv2.remap(frame.right, shifted, v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     return replace(frame, right=right)
 
