@@ -18,7 +18,7 @@ from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.pictures.image import encode_jpeg
 from pseudolidar.geometry.cloud_frames import left_in
 from pseudolidar.geometry.projection import project
-from pseudolidar.running.removed import removed_picture
+from pseudolidar.running.reports.removed import removed_picture
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.clean import Clean

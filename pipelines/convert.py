@@ -21,8 +21,6 @@ from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in
 from pseudolidar.geometry.depth import depth_map
 from pseudolidar.geometry.frames import camera_tree
 from pseudolidar.running.bad_frames import OnError
-from pseudolidar.running.conversion_page import write_conversion_page
-from pseudolidar.running.conversion_report import ConvertReport
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
@@ -44,8 +42,10 @@ from pseudolidar.running.products.product import Product
 from pseudolidar.running.products.recording import RecordingPlan
 from pseudolidar.running.products.trees import Trees
 from pseudolidar.running.rehearsal import Rehearsal, fitting, rehearse
+from pseudolidar.running.reports.conversion_page import write_conversion_page
+from pseudolidar.running.reports.conversion_report import ConvertReport
+from pseudolidar.running.reports.samples import sampled_frames
 from pseudolidar.running.run import Run
-from pseudolidar.running.samples import sampled_frames
 from pseudolidar.running.settings_schema import described
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import opened_with_rig

@@ -10,10 +10,10 @@ from typing import Annotated
 from pseudolidar.pipelines.convert import Convert  # type: ignore[import-untyped]
 from pseudolidar.pipelines.convert import run as convert
 
-from pseudolidar.running.conversion_report import ConvertReport
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME
 from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.running.rehearsal import Rehearsal
+from pseudolidar.running.reports.conversion_report import ConvertReport
 from pseudolidar.sources.synthetic import Synthetic
 
 

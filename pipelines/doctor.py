@@ -14,8 +14,8 @@ from typing import Any
 
 from pseudolidar import __version__
 from pseudolidar.errors import EnvironmentFault
-from pseudolidar.running.environment import Finding, look_at_machine, try_parts
-from pseudolidar.running.requirements import Library, libraries
+from pseudolidar.running.installation.environment import Finding, look_at_machine, try_parts
+from pseudolidar.running.installation.requirements import Library, libraries
 from pseudolidar.running.table import table_text
 
 

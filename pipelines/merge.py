@@ -24,9 +24,9 @@ from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.memory import check_memory
-from pseudolidar.running.merge_report import MergeReport, Part
 from pseudolidar.running.one_cloud import check_apart, check_place, write_cloud
 from pseudolidar.running.progress import FrameProgress
+from pseudolidar.running.reports.merge_report import MergeReport, Part
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.cloud_files import CloudFileSource
 from pseudolidar.sources.recognise import Source, recognise

@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 
 import pseudolidar
-from pseudolidar.running.environment import PARTS, Finding, try_part
+from pseudolidar.running.installation.environment import PARTS, Finding, try_part
+from pseudolidar.running.installation.requirements import Library, libraries
 from pseudolidar.running.kernel_cache import (
     CACHE_VARIABLE,
     kernel_cache_folder,
     prepare_kernel_cache,
 )
-from pseudolidar.running.requirements import Library, libraries
 
 # Runs in every Python process that finds it on its path, before anything else.
 BREAK_IMPORTS = """

@@ -18,7 +18,7 @@ from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.pictures.image import encode_png
 from pseudolidar.formats.points.pcd import read_pcd
 from pseudolidar.formats.rigs.rig_json import write_rig
-from pseudolidar.running.part_trials import trial_frame
+from pseudolidar.running.installation.part_trials import trial_frame
 
 ROOT = Path(__file__).resolve().parent.parent
 TIMEOUT_S = 300

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from pseudolidar.errors import CloudEmpty, LowTexture, PairIdentical
-from pseudolidar.running.removed import removed_shares
+from pseudolidar.running.reports.removed import removed_shares
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from pseudolidar.structures.frame import StereoFrame

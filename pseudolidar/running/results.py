@@ -13,7 +13,7 @@ from typing import Any
 from pseudolidar import __version__
 from pseudolidar.errors import ALL_DONE, SOME_SKIPPED, printable
 from pseudolidar.formats.atomic import write_atomic
-from pseudolidar.running.record import FrameRecord
+from pseudolidar.running.journal.record import FrameRecord
 from pseudolidar.running.settings_json import to_json
 from pseudolidar.running.settings_schema import choice_name
 from pseudolidar.sources.source import SourceSummary

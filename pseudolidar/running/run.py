@@ -13,11 +13,11 @@ from pseudolidar.running.crew.attempt import Done, Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.crew.in_flight import InFlight, noting
 from pseudolidar.running.folder import own_folder
-from pseudolidar.running.identity import identity
-from pseudolidar.running.journal import Journal
+from pseudolidar.running.journal.identity import identity
+from pseudolidar.running.journal.journal import Journal
+from pseudolidar.running.journal.record import FileRecord, FrameRecord
 from pseudolidar.running.products.product import Product
 from pseudolidar.running.progress import FrameProgress
-from pseudolidar.running.record import FileRecord, FrameRecord
 from pseudolidar.running.results import RunResult, Stopwatch, write_results
 from pseudolidar.running.signals import Stopped, StopSignals
 from pseudolidar.running.stream import stream

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-import hashlib
-import json
 import types
 from dataclasses import MISSING
 from pathlib import Path
@@ -61,17 +59,8 @@ def from_json(cls: type[Settings], data: dict[str, Any], *, where: str = "") -> 
     return cls(**values)
 
 
-def settings_hash(settings: Any) -> str:
-    """SHA-256 of all settings that can change a byte of the results, as hexadecimal digits.
-
-    Fields marked `RUN_ONLY` (workers, `--overwrite`) do not count.
-    """
-    text = json.dumps(result_settings(settings), sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
 def result_settings(settings: Any) -> dict[str, Any]:
-    """`to_json` without the fields marked `RUN_ONLY`, at any depth."""
+    """What can change a byte of the results: `to_json` without `RUN_ONLY` fields, at any depth."""
     data = to_json(settings)
     for field in settings_fields(type(settings)):
         value = getattr(settings, field.name)

@@ -22,9 +22,9 @@ from pseudolidar.formats.points.npz import read_npz
 from pseudolidar.formats.points.pcd import read_pcd
 from pseudolidar.formats.points.ply import read_ply
 from pseudolidar.formats.points.velodyne_bin import read_velodyne_bin
+from pseudolidar.running.journal.record import FrameRecord
 from pseudolidar.running.products.outputs import Outputs
-from pseudolidar.running.record import FrameRecord
-from pseudolidar.running.samples import read_samples, sampled_frames
+from pseudolidar.running.reports.samples import read_samples, sampled_frames
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.selection import FrameSelection

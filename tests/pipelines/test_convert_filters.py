@@ -11,7 +11,7 @@ from pseudolidar.pipelines.convert import Convert, run
 
 from pseudolidar.cli import main
 from pseudolidar.formats.points.pcd import read_pcd
-from pseudolidar.running.journal_file import JOURNAL_NAME
+from pseudolidar.running.journal.journal_file import JOURNAL_NAME
 from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.sources.selection import FrameSelection
 from pseudolidar.sources.synthetic import Synthetic

@@ -17,7 +17,7 @@ from pseudolidar.pipelines.convert import Convert, run
 
 from pseudolidar.cli import main
 from pseudolidar.errors import OutputError, OutputLocked, OutputSettings, StereoConfig
-from pseudolidar.running.journal_file import JOURNAL_NAME
+from pseudolidar.running.journal.journal_file import JOURNAL_NAME
 from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.stereo.census import Census

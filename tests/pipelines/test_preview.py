@@ -18,7 +18,7 @@ from pseudolidar.cli import main
 from pseudolidar.evaluation.pictures import disparity_picture
 from pseudolidar.evaluation.preview_picture import CAPTION_PX
 from pseudolidar.formats.pictures.image import read_image
-from pseudolidar.running.journal_file import JOURNAL_NAME
+from pseudolidar.running.journal.journal_file import JOURNAL_NAME
 from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.running.products.preview import LONGEST_S, PREVIEW_NAME, Preview, steps_ticks
 from pseudolidar.sources.recognise import recognise

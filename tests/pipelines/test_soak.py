@@ -12,7 +12,7 @@ import numpy as np
 import psutil
 import pytest
 
-from pseudolidar.running.journal_file import JOURNAL_NAME
+from pseudolidar.running.journal.journal_file import JOURNAL_NAME
 from tests.benchmarks.conversion import cycled_drive
 
 MB = 1_000_000

@@ -9,7 +9,7 @@ from pseudolidar.cli import main
 from pseudolidar.formats.pictures.image import encode_png
 from pseudolidar.formats.rigs.rig_json import read_rig, write_rig
 from pseudolidar.geometry.rows import rows_aligned
-from pseudolidar.running.identity import calibration_text
+from pseudolidar.running.journal.identity import calibration_text
 from pseudolidar.sources.aligned_rows import AlignedRows
 from pseudolidar.sources.other_rig import opened_as_taken, opened_with_rig
 from pseudolidar.sources.recognise import recognise

@@ -26,7 +26,7 @@ from pseudolidar.formats.points.npz import encode_npz, read_npz
 from pseudolidar.geometry.cloud_frames import left_in
 from pseudolidar.geometry.frames import MAP, left_in_base_link
 from pseudolidar.geometry.quaternion import quaternion_wxyz
-from pseudolidar.running.record import FrameRecord, OutputFile
+from pseudolidar.running.journal.record import FrameRecord, OutputFile
 from pseudolidar.structures.arrays import AnyArray, Bool, Float32, Float64, Int64
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.cloud import PointCloud

@@ -16,13 +16,13 @@ from pseudolidar.formats.points.npz import encode_npz
 from pseudolidar.formats.points.pcd import encode_pcd
 from pseudolidar.formats.points.ply import encode_ply
 from pseudolidar.formats.points.velodyne_bin import LARGEST_COORDINATE_M, encode_velodyne_bin
+from pseudolidar.running.journal.record import OutputFile
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.products.outputs import Outputs, file_name
 from pseudolidar.running.products.preview import PreviewArtist, preview_name
 from pseudolidar.running.products.product import Product
 from pseudolidar.running.products.trees import Trees
-from pseudolidar.running.record import OutputFile
-from pseudolidar.running.samples import FrameSample, sample_name
+from pseudolidar.running.reports.samples import FrameSample, sample_name
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from pseudolidar.structures.frame import LidarScan

@@ -18,8 +18,8 @@ from pseudolidar.formats.rigs.kitti_calibration import FRAME_CAM0
 from pseudolidar.formats.timestamps import NS_PER_S, write_times, write_timestamps
 from pseudolidar.formats.trajectory import camera_poses, write_kitti_poses
 from pseudolidar.geometry.frames import left_in_base_link
+from pseudolidar.running.journal.record import OutputFile
 from pseudolidar.running.products.product import Product
-from pseudolidar.running.record import OutputFile
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.pose import Pose

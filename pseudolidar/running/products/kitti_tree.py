@@ -23,7 +23,7 @@ from pseudolidar.formats.points.velodyne_bin import encode_velodyne_bin
 from pseudolidar.formats.rigs.kitti import encode_object_calib
 from pseudolidar.geometry.cloud_frames import left_in
 from pseudolidar.geometry.frames import left_in_base_link
-from pseudolidar.running.record import FrameRecord, OutputFile
+from pseudolidar.running.journal.record import FrameRecord, OutputFile
 from pseudolidar.structures.arrays import Int64
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.cloud import PointCloud

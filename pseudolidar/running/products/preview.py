@@ -25,7 +25,7 @@ from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.folder import inside
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.progress import FrameProgress
-from pseudolidar.running.samples import photo_of
+from pseudolidar.running.reports.samples import photo_of
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.source import FrameSequence
 from pseudolidar.structures.arrays import Float32, UInt8

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from pseudolidar.running.record import OutputFile
+from pseudolidar.running.journal.record import OutputFile
 
 if TYPE_CHECKING:
     from pseudolidar.formats.mcap.frame import FramePart

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from pseudolidar.errors import OutputError
-from pseudolidar.running.identity import prologue, source_name
+from pseudolidar.running.journal.identity import prologue, source_name
 from pseudolidar.sources.source import FrameSequence
 from pseudolidar.structures.recorded import Frame
 

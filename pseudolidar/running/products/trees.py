@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Self
 
 from pseudolidar.errors import NoPairs
+from pseudolidar.running.journal.record import FrameRecord, OutputFile
 from pseudolidar.running.products import colmap_model, kitti_tree
 from pseudolidar.running.products.colmap_model import ColmapModel
 from pseudolidar.running.products.kitti_tree import KittiTree
-from pseudolidar.running.record import FrameRecord, OutputFile
 from pseudolidar.sources.source import FrameSequence
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.frame import StereoFrame

@@ -137,7 +137,7 @@ def try_part(part: Part) -> Finding:
 
 def _trial(name: str) -> dict[str, str]:
     """The answer of a trial, which always has `found` or `got` and `fix`."""
-    command = [sys.executable, "-m", "pseudolidar.running.part_trials", name]
+    command = [sys.executable, "-m", "pseudolidar.running.installation.part_trials", name]
     try:
         ended = subprocess.run(
             command, capture_output=True, text=True, timeout=TRIAL_TIMEOUT_S, check=False

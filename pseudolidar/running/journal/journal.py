@@ -18,8 +18,8 @@ from typing import Any, BinaryIO, Self
 from pseudolidar.formats.atomic import fsync_folder, output_error, write_group
 from pseudolidar.running.crew.crew_plan import default_workers
 from pseudolidar.running.folder import inside
-from pseudolidar.running.journal_file import JOURNAL_NAME, first_line, forget, read_journal
-from pseudolidar.running.record import FrameRecord, OutputFile
+from pseudolidar.running.journal.journal_file import JOURNAL_NAME, first_line, forget, read_journal
+from pseudolidar.running.journal.record import FrameRecord, OutputFile
 
 
 class Journal:

@@ -10,7 +10,7 @@ PACKAGE = Path(pseudolidar.__file__).parent
 WARMING = ("images", "matcher", "filters", "clouds", "worlds")
 CHILD = """
 import sys
-from pseudolidar.running.part_trials import TRIALS
+from pseudolidar.running.installation.part_trials import TRIALS
 for name in sys.argv[1:]:
     TRIALS[name]()
 print(*(name for name in sys.modules if name.startswith("pseudolidar.")))

@@ -10,7 +10,7 @@ from typing import Any
 from pseudolidar.clouds.correct import ANCHORED, GUIDED_SHARE, MOVED_PX
 from pseudolidar.running.products.outputs import Outputs, folder_of
 from pseudolidar.running.products.preview import PREVIEW_NAME
-from pseudolidar.running.removed import removed_lines
+from pseudolidar.running.reports.removed import removed_lines
 from pseudolidar.running.results import RunResult
 
 

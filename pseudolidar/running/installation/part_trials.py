@@ -1,7 +1,7 @@
 """Trials of the parts of an installation: each does a little real work and checks the result.
 
-`python -m pseudolidar.running.part_trials NAME` runs one, so that a library that kills the process
-is found out from outside.
+`python -m pseudolidar.running.installation.part_trials NAME` runs one, so that a library that
+kills the process is found out from outside.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from typing import Any
 from pseudolidar.errors import OutputSettings
 from pseudolidar.formats.atomic import output_error
 from pseudolidar.running.folder import inside, stays_inside
-from pseudolidar.running.record import FrameRecord
+from pseudolidar.running.journal.record import FrameRecord
 from pseudolidar.running.settings_json import settings_differences
 
 JOURNAL_NAME = "journal.jsonl"

@@ -3,9 +3,9 @@ import json
 import pytest
 
 from pseudolidar.errors import OutputSettings
-from pseudolidar.running.journal import Journal
-from pseudolidar.running.journal_file import JOURNAL_NAME
-from pseudolidar.running.record import FileRecord, FrameRecord, OutputFile
+from pseudolidar.running.journal.journal import Journal
+from pseudolidar.running.journal.journal_file import JOURNAL_NAME
+from pseudolidar.running.journal.record import FileRecord, FrameRecord, OutputFile
 
 SETTINGS = {"matcher": {"kind": "census", "quality": "fast"}, "to": "pcd"}
 

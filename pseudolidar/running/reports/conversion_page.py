@@ -18,9 +18,15 @@ from pseudolidar.evaluation.pictures import (
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.running.products.encoders import DEPTH_BIN_M
 from pseudolidar.running.products.preview import PREVIEW_NAME
-from pseudolidar.running.removed import KEPT, REMOVED, colours_text, removed_lines, removed_picture
+from pseudolidar.running.reports.removed import (
+    KEPT,
+    REMOVED,
+    colours_text,
+    removed_lines,
+    removed_picture,
+)
+from pseudolidar.running.reports.samples import TOP_AHEAD_M, TOP_ASIDE_M, FrameSample, read_samples
 from pseudolidar.running.results import RunResult
-from pseudolidar.running.samples import TOP_AHEAD_M, TOP_ASIDE_M, FrameSample, read_samples
 from pseudolidar.structures.camera import StereoRig
 
 if TYPE_CHECKING:

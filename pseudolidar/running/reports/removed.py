@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from pseudolidar.running.samples import FrameSample
+from pseudolidar.running.reports.samples import FrameSample
 from pseudolidar.structures.arrays import UInt8
 
 # Figures of a frame that count removed pixels begin so.

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from pseudolidar.geometry.grey import shift_to_8_bits
 from pseudolidar.running.folder import inside
-from pseudolidar.running.record import FrameRecord
+from pseudolidar.running.journal.record import FrameRecord
 from pseudolidar.structures.arrays import Image, UInt8
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DisparityMap
