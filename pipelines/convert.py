@@ -262,9 +262,11 @@ class ConvertFrame:
         nearest_m = nearest_depth_m(job.min_depth, source)
         given = given_maps(job.given, source)
         matcher: StereoMatcher = given or job.matcher.load(min_depth_m=nearest_m)
-        reproject = job.reproject.load()
+        # Only disparities need the kernels, and these take a second to load.
+        paired = source.yields is StereoFrame
+        reproject = job.reproject.load() if paired else Reprojector(job.reproject)
         guide = Guide.unused() if job.guide is None else job.guide.load(pairs_of(source).rig)
-        clean = Cleaner.load(None if given else job.clean)
+        clean = Cleaner.load(job.clean if paired and not given else None)
         refine = MapFilters.load(job.smooth, job.fill)
         if job.temporal is not None:
             fuse = job.temporal.load(matcher, pairs_of(whole(source)))

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pseudolidar.commandline.verbs import verb_files
+from pseudolidar.formats.points.pcd import write_pcd
+from pseudolidar.structures.cloud import PointCloud
 
 HEAVY = {"av", "cv2", "dask", "google", "lz4", "matplotlib", "mcap", "mcap_ros2", "numba"}
 HEAVY |= {"onnxruntime", "open3d", "rich", "scipy", "viser", "zstandard"}
@@ -36,3 +40,11 @@ def test_package_and_overview_import_numpy_at_most(code: str) -> None:
 def test_help_of_a_verb_imports_nothing_heavy(verb: str) -> None:
     code = f"from pseudolidar.cli import main; assert main(['{verb}', '--help']) == 0"
     assert not modules_after(code) & HEAVY
+
+
+def test_clouds_are_converted_without_the_kernels_of_matching(tmp_path: Path) -> None:
+    write_pcd(tmp_path / "a.pcd", PointCloud(np.ones((3, 3), np.float32), "velodyne", 0))
+    words = ["convert", str(tmp_path / "a.pcd"), str(tmp_path / "out"), "--to", "ply"]
+    loaded = modules_after(f"from pseudolidar.cli import main; assert main({words}) == 0")
+    assert "pseudolidar.stereo.reproject" in loaded
+    assert not loaded & {"numba", "open3d", "onnxruntime", "av"}
