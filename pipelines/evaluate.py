@@ -217,7 +217,9 @@ def compare_maps(job: Evaluate) -> DisparityReport:
     """Compare files with files of the same name."""
     estimate = job.source.path
     if job.reference is None:
-        raise UsageError("disparity maps without a reference", fix="Add --reference GT.")
+        raise UsageError(
+            "disparity maps without a reference", want="the truth", fix="Add --reference GT."
+        )
     pairs = paired_maps(Path(estimate), job.reference)
     errors = [disparity_errors(read_map(mine), read_map(theirs)) for _, mine, theirs in pairs]
     return DisparityReport(f"{estimate} against {job.reference}", DisparityScore(errors))
