@@ -2,6 +2,7 @@
 
     python -m tests.fuzzing pcd 10000
     python -m tests.fuzzing ply 1 --first 8123     # that very input again
+    python -m tests.fuzzing rig-yaml 2000          # readers of `tests/fuzz_targets.py`
 
 Every reader must answer with a `PseudolidarError`, or with something that the file can hold.
 """
@@ -9,10 +10,12 @@ Every reader must answer with a `PseudolidarError`, or with something that the f
 from __future__ import annotations
 
 import argparse
+import atexit
 import ctypes
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -251,9 +254,12 @@ def _answered(read: Callable[[], None]) -> None:
         assert str(error) and error.got  # noqa: PT017, PT018 - it must say something
 
 
-def _from_file(read: Callable[[Path], Any]) -> Callable[[bytes], Any]:
+def _from_file(read: Callable[[Path], Any], name: str = "input") -> Callable[[bytes], Any]:
+    """A reader of bytes, by a file of that name, removed at the end of the process."""
     folder = Path("/dev/shm") if Path("/dev/shm").is_dir() else None
-    path = Path(tempfile.mkdtemp(dir=folder)) / "input"
+    place = tempfile.mkdtemp(dir=folder)
+    atexit.register(shutil.rmtree, place, ignore_errors=True)
+    path = Path(place) / name
 
     def of(data: bytes) -> None:
         path.write_bytes(data)
@@ -306,6 +312,15 @@ TARGETS = {
     "mcap": Target(_mcap_corpus, _from_file(_read_recording)),
 }
 
+
+def _other(name: str) -> Target:
+    """One of `fuzz_targets`, whose libraries nobody else needs to load."""
+    from tests.fuzz_targets import READERS
+
+    reader = READERS[name]
+    return Target(reader.corpus, _from_file(reader.read, reader.file))
+
+
 # Readers with faults, to prove that faults are found.
 FAULTY = {
     "broken": Target(_bin_corpus, lambda data: 1 / (len(data) % 7)),
@@ -344,7 +359,8 @@ def _too_long(number: int, frame: Any) -> None:
 
 
 def _run(name: str, count: int, first: int, progress: Path | None) -> dict[str, Any]:
-    target = (TARGETS | FAULTY)[name]
+    known = TARGETS | FAULTY
+    target = known[name] if name in known else _other(name)
     corpus = target.corpus()
     if name not in FAULTY:
         for whole in corpus:  # and with it everything is loaded
@@ -376,6 +392,7 @@ def _run(name: str, count: int, first: int, progress: Path | None) -> dict[str, 
         "failed": len(failures),
         "failures": failures[:FAILURES_SHOWN],
         "slowest_s": round(slowest_s, 3),
+        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1000,
         "seconds": round(time.monotonic() - begin_s, 1),
     }
 
@@ -391,7 +408,7 @@ def _limit_memory() -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
-    parser.add_argument("target", choices=[*TARGETS, *FAULTY])
+    parser.add_argument("target", help="one of TARGETS, or READERS of fuzz_targets")
     parser.add_argument("count", type=int)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--progress", type=Path)

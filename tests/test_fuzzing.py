@@ -2,10 +2,11 @@
 
 import pytest
 
+from tests.fuzz_targets import READERS
 from tests.fuzzing import TARGETS, fuzz, mutated
 
 SHORT, LONG = 1_000, {"mcap": 3_000}
-LONG_SWEEP = 20_000
+LONG_SWEEP, OTHERS = 20_000, 2_000
 
 
 def checked(found, count):
@@ -20,6 +21,21 @@ def checked(found, count):
 @pytest.mark.parametrize("name", ["pcd", "ply", "npz", "bin", "labels", "poses"])
 def test_a_thousand_damaged_files(name):
     checked(fuzz(name, SHORT), SHORT)
+
+
+# Texts and maps whose readers are quick; the others with the long sweep.
+QUICK = ("npy", "oxts", "tum", "messages", "k-txt")
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_a_thousand_damaged_files_of_other_kinds(name):
+    checked(fuzz(name, SHORT), SHORT)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", READERS)
+def test_thousands_of_damaged_files_of_other_kinds(name):
+    checked(fuzz(name, OTHERS, first=SHORT), OTHERS)
 
 
 @pytest.mark.slow

@@ -255,6 +255,9 @@ def _pop_listed(fields: dict[str, AnyArray], listed: tuple[str, ...]) -> dict[st
 def _pop_own(fields: dict[str, AnyArray]) -> dict[str, AnyArray]:
     """In files of others only an intensity of 0-1 means what ours does; the rest are extras."""
     name = next((name for name in fields if name.lower() == "intensity"), None)
-    if name is None or fields[name].dtype.kind != "f" or np.any(np.abs(fields[name] - 0.5) > 0.5):
+    if name is None or fields[name].dtype.kind != "f":
         return {}
+    with np.errstate(invalid="ignore"):  # NaN, also of the kind that signals, is no other scale
+        if np.any(np.abs(fields[name] - 0.5) > 0.5):
+            return {}
     return {"intensity": fields.pop(name).astype(np.float32)}

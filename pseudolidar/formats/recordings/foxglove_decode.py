@@ -32,6 +32,8 @@ from pseudolidar.geometry.frames import BASE_LINK
 from pseudolidar.geometry.quaternion import rotation_of
 from pseudolidar.structures.pose import Pose
 
+# Light takes a day for as much; damaged numbers are larger, and NaN compares with nothing.
+FARTHEST_M = 1e12
 CODES: Mapping[int, str] = {int(number): code[1:] for code, number in NUMERIC_TYPES.items()}
 
 
@@ -207,10 +209,10 @@ def rigid(dst: str, src: str, wxyz: Any, t_m: Any) -> Pose:
     """A pose of a message's numbers.
 
     Raises:
-        ValueError: they are not finite, or the quaternion is 0.
+        ValueError: they are not finite or beyond all measure, or the quaternion is 0.
     """
     numbers = np.concatenate([wxyz, t_m]).astype(np.float64)
-    if not (np.isfinite(numbers).all() and np.linalg.norm(numbers[:4]) > 0):
+    if not (np.abs(numbers).max() <= FARTHEST_M and np.linalg.norm(numbers[:4]) > 0):
         raise ValueError(f"transform {numbers.tolist()}")
     if np.array_equal(numbers[1:4], (0, 0, 0)):
         return Pose.from_rotation(dst, src, np.eye(3), numbers[4:])

@@ -89,7 +89,7 @@ class StereoFields:
             option = cls(path, nodes, shown, eyes)
             if any(option._both(kind) for kind in ("K", "P")):
                 return option
-        raise fields.lacks("the cameras of a pair", "M1 and M2, P1 and P2, or the like")
+        raise fields.lacks("cameras of a pair", "M1 and M2, P1 and P2, or the like")
 
     def _both(self, kind: str) -> bool:
         return all(self.node(kind, eye) is not None for eye in (0, 1))
