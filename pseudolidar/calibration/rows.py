@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pseudolidar.errors import UsageError
 from pseudolidar.geometry.corners import spread_corners
 from pseudolidar.geometry.gaps import filled
 from pseudolidar.geometry.lucas_kanade import follow_both_ways
@@ -35,6 +36,27 @@ MAX_ITERATIONS, CONVERGED_PX = 30, 1e-4
 CAUCHY_PER_SIGMA = 0.55
 # A correction that gains less than this on frames left out, relatively, is none.
 LEAST_GAIN = 0.1
+
+
+@dataclass(frozen=True)
+class Rows:
+    """From points that both eyes see: the rows of the pictures alone, of any pairs of one rig.
+
+    Args:
+        most: frames that points are taken from, evenly.
+    """
+
+    most: int = 40
+
+    def __post_init__(self) -> None:
+        if self.most < MIN_FRAMES:
+            raise UsageError(f"most {self.most}", want=f"{MIN_FRAMES} frames or more")
+
+    def needed(self, frames: int) -> tuple[int, ...]:
+        """Positions of the frames that are used of so many."""
+        if frames <= self.most:
+            return tuple(range(frames))
+        return tuple(int(position) for position in np.linspace(0, frames - 1, self.most).round())
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,140 @@
+"""Put a rig right: what its calibration left, fitted to what its pictures show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from pseudolidar.calibration.motion import Motion
+from pseudolidar.calibration.rows import Rows
+from pseudolidar.errors import UsageError
+from pseudolidar.formats.rigs.rig_json import write_rig
+from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.running.bad_frames import OnError
+from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
+from pseudolidar.running.motion_refining import PictureRefinement, refined_by_pictures
+from pseudolidar.sources.other_rig import opened_as_taken
+from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.selection import FrameSelection, select
+from pseudolidar.sources.source import FrameSource, nearest_depth_m, pairs_of
+from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.sgbm import Bm, Sgbm
+
+
+@dataclass(frozen=True)
+class Refine:
+    """Fit what the calibration of SOURCE left, and store it in a rig file.
+
+    Every later command applies it when it is given `--rig rig.json`, and says so. Without a LiDAR
+    the motion of a sequence tells the offset of its disparities, and points that both eyes see tell
+    how rows differ; the scale of the depths cannot be seen that way, and stays as it is.
+
+        pseudolidar refine 2011_09_26_drive_0002_sync --by motion --out rig.json
+        pseudolidar convert 2011_09_26_drive_0002_sync out --rig rig.json
+
+    Args:
+        source: pairs of pictures of one rig; for `motion` frames that follow one another.
+        out: the rig file.
+        by: what the fit is based on.
+        matcher: how disparities are found.
+        frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
+        exclude: not these.
+        rig: calibration that replaces the source's cameras: a rig.json, OpenCV YAML, XML or JSON,
+            ROS camera_info, K.txt, calib.txt; a file, a folder, or LEFT,RIGHT. Corrections in it
+            are replaced by those that are fitted.
+        rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
+        scale_calibration: scale the calibration where images have another size.
+        min_depth: nearest depth that must be found, m; decides how many disparities are searched.
+            By default what the data set says of its scenes, else 3.
+        workers: frames worked on at the same time; by default one per core.
+        on_error: skip a bad frame (and stop when they become many), or stop at the first.
+        overwrite: replace OUT.
+    """
+
+    source: Annotated[Source, Recognised(recognise)]
+    out: Annotated[Path, RUN_ONLY] = Path("rig.json")
+    by: Motion | Rows = field(default_factory=Motion)
+    matcher: Census | Sgbm | Bm = field(default_factory=Census)
+    frames: FrameSelection | None = None
+    exclude: FrameSelection | None = None
+    rig: Path | None = None
+    rig_unit: RigUnit | None = None
+    scale_calibration: bool = False
+    min_depth: float | None = None
+    workers: Annotated[int | None, RUN_ONLY] = None
+    on_error: Annotated[OnError, RUN_ONLY] = "skip"
+    overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+
+
+def run(job: Refine) -> RefineReport:
+    """Look at the sequence, fit, and write the rig.
+
+    Raises:
+        UsageError: OUT is there already.
+        MotionInsufficient: the sequence does not carry what is asked of its motion.
+    """
+    check_place(job.out, overwrite=job.overwrite)
+    source = opened(job)
+    matcher = job.matcher.load(min_depth_m=nearest_depth_m(job.min_depth, source))
+    found = refined_by_pictures(
+        source, job.by, matcher, crew=CrewPlan(job.workers), on_error=job.on_error
+    )
+    line = source.summary.line
+    if not found.changed:
+        return RefineReport(line, None, found)
+    origin = f"{source.rig.origin or 'the rig of the source'}, refined on {line}"
+    write_rig(job.out, replace(found.rig, origin=origin))
+    return RefineReport(line, job.out, found)
+
+
+def opened(job: Refine) -> FrameSource:
+    """The frames that are asked for, as they were taken, with the rig that is asked for."""
+    whole = opened_as_taken(
+        job.source, job.rig, scale_calibration=job.scale_calibration, unit=job.rig_unit
+    )
+    return pairs_of(select(whole, job.frames, job.exclude))
+
+
+def check_place(out: Path, *, overwrite: bool) -> None:
+    """Raise `UsageError` where a file would be written over."""
+    if out.exists() and not (overwrite and out.is_file()):
+        raise UsageError(
+            "a folder" if out.is_dir() else "there is such a file already",
+            want="the name of a new file",
+            fix="Name another with --out, or pass --overwrite to replace a file.",
+            path=out,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class RefineReport:
+    """What was fitted, and where it is.
+
+    Args:
+        subject: what it was fitted to, one line.
+        out: the rig file; None where there is nothing to be put right.
+        found: corrections with their figures.
+    """
+
+    subject: str
+    out: Path | None
+    found: PictureRefinement
+
+    @property
+    def exit_code(self) -> int:
+        """4 if frames were skipped, else 0."""
+        return self.found.exit_code
+
+    def as_dict(self) -> dict[str, Any]:
+        """For `--json`."""
+        out = None if self.out is None else str(self.out)
+        return {"subject": self.subject, "out": out, **self.found.as_dict()}
+
+    def text(self) -> str:
+        """For people."""
+        end = "nothing to be put right, no file written"
+        if self.out is not None:
+            end = f"{self.out}: pass it to other commands with --rig"
+        return "\n".join([self.subject, *self.found.lines, end])
