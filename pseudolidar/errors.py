@@ -235,6 +235,8 @@ class CalibrationSizeMismatch(PseudolidarError):
 class MotionInsufficient(PseudolidarError):
     """The motion of a sequence does not carry the estimate that is asked of it."""
 
+    advice = "Take a longer part of the drive, with turns in it."
+
 
 class InputChanged(PseudolidarError):
     """A file was written to while it was read."""
@@ -332,6 +334,8 @@ class RecordingError(PseudolidarError):
 
 class ScanMissing(PseudolidarError):
     """A LiDAR scan is needed where there is none."""
+
+    advice = "Take a source with Velodyne scans."
 
 
 class ReferenceMissing(PseudolidarError):
