@@ -10,7 +10,10 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
-FIGURES = {"01_disparity_to_depth": (9, 13)}  # without and with real data
+FIGURES = {
+    "01_disparity_to_depth": (9, 13),
+    "02_against_velodyne": (7, 12),
+}  # without and with real data
 CELL_LIMIT_S = 300  # a cell that hangs; the slowest takes seconds
 
 every_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
