@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,6 +40,7 @@ class ComparedFrame:
         sigma_px: (N,) the matcher's sigma; None where it states none.
         slope: (N, 2) how the disparity changes along the columns and the rows, px a px; NaN beside
             edges and holes.
+        place_m: (3,) where the rig stood, of `T_map_base_link`; None where nobody knows.
     """
 
     id: str
@@ -52,6 +53,7 @@ class ComparedFrame:
     disparity_px: Float64
     sigma_px: Float64 | None
     slope: Float64
+    place_m: Float64 | None = None
 
     def __len__(self) -> int:
         return len(self.reference_m)
@@ -82,6 +84,19 @@ class ComparedFrame:
         if self.sigma_px is None:
             return None
         return total_sigma(self.sigma_px, self.rig.systematic_sigma_px)
+
+    def thinned(self, most: int) -> ComparedFrame:
+        """At most so many of the points, evenly spread over the image."""
+        step = max(1, -(-len(self) // most))
+        return replace(
+            self,
+            u=self.u[::step],
+            v=self.v[::step],
+            reference_m=self.reference_m[::step],
+            disparity_px=self.disparity_px[::step],
+            sigma_px=None if self.sigma_px is None else self.sigma_px[::step],
+            slope=self.slope[::step],
+        )
 
     def samples(self, frame_number: int | None = None) -> DisparitySamples:
         """The matched points, uncorrected, numbered `frame_number` or by the frame's index."""
@@ -177,6 +192,7 @@ def _compared(
         disparity_px=disparity.values[row, column].astype(np.float64),
         sigma_px=None if sigma is None else sigma[row, column].astype(np.float64),
         slope=np.stack([_slope(disparity, column, row, axis) for axis in ((1, 0), (0, 1))], axis=1),
+        place_m=None if frame.pose is None else frame.pose.translation_m,
     )
 
 

@@ -63,7 +63,7 @@ class ComparedPoints:
     def __len__(self) -> int:
         return len(self.reference_m)
 
-    def __getitem__(self, chosen: Bool) -> ComparedPoints:
+    def __getitem__(self, chosen: Bool | slice) -> ComparedPoints:
         """The chosen points; the number of frames stays."""
         return ComparedPoints(
             frames=self.frames,

@@ -1,0 +1,87 @@
+"""`compare.json` and `compare.csv`: a comparison for programs and spreadsheets."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from pseudolidar import __version__
+from pseudolidar.evaluation.comparison.comparison import Comparison
+from pseudolidar.evaluation.comparison.figures import FIGURES, DepthFigures, RangeFigures
+from pseudolidar.formats.atomic import write_atomic
+
+JSON_NAME, CSV_NAME = "compare.json", "compare.csv"
+SCHEMA = 1
+# What rows of all frames together are called in the CSV.
+POOLED = "all"
+
+
+def comparison_json(facts: dict[str, Any]) -> bytes:
+    """The bytes of `compare.json`.
+
+    Args:
+        facts: plain JSON values, the settings among them.
+    """
+    head = {"schema": SCHEMA, "verb": "compare", "version": __version__}
+    return json.dumps({**head, **facts}, indent=1, allow_nan=False).encode() + b"\n"
+
+
+def comparison_csv(compared: Comparison) -> bytes:
+    """The bytes of `compare.csv`: a row for every frame and bin, then the pooled ones.
+
+    Each frame's last row, and the last of all, are of all its points from the first bin to the
+    last. Intervals are known of pooled figures alone.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    bounds = [f"{name}_{end}" for name in FIGURES for end in ("low", "high")]
+    writer.writerow(
+        ["frame", "index", "timestamp_ns", "from_m", "to_m", "reference_points", "n", *FIGURES]
+        + bounds
+    )
+    writer.writerows(_rows(compared))
+    return text.getvalue().encode()
+
+
+def write_comparison(folder: Path, compared: Comparison, facts: dict[str, Any]) -> list[Path]:
+    """Write both files, the table first: where there is a `compare.json`, all is there.
+
+    Raises:
+        OutputError: the disk is full or gone.
+    """
+    paths = [folder / CSV_NAME, folder / JSON_NAME]
+    for path, data in zip(paths, (comparison_csv(compared), comparison_json(facts)), strict=True):
+        write_atomic(path, data)
+    return paths
+
+
+def _rows(compared: Comparison) -> Iterator[list[Any]]:
+    for frame in compared.per_frame:
+        names = [frame.id, frame.index, frame.timestamp_ns]
+        yield from _bin_rows(names, frame.by_range, frame.overall, compared.bins.range_m)
+    pooled = [POOLED, "", ""]
+    yield from _bin_rows(pooled, compared.by_range, compared.overall, compared.bins.range_m)
+
+
+def _bin_rows(
+    names: list[Any],
+    by_range: tuple[RangeFigures, ...],
+    overall: DepthFigures,
+    range_m: tuple[int, int],
+) -> Iterator[list[Any]]:
+    for each in (*by_range, RangeFigures(*range_m, overall)):
+        figures = each.figures
+        bounds = (figures.intervals.get(name, ("", "")) for name in FIGURES)
+        yield [
+            *names,
+            each.from_m,
+            each.to_m,
+            figures.reference,
+            figures.n,
+            *(getattr(figures, name) for name in FIGURES),
+            *(end for pair in bounds for end in pair),
+        ]

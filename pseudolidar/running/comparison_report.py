@@ -1,0 +1,141 @@
+"""How a comparison went: for people, for programs, and what to open."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pseudolidar.errors import ALL_DONE, SOME_SKIPPED
+from pseudolidar.evaluation.comparison.comparison import Comparison
+from pseudolidar.evaluation.comparison.figures import DepthFigures
+from pseudolidar.running.crew.attempt import Skipped
+from pseudolidar.running.one_cloud import skipped_lines
+from pseudolidar.running.table import table_text
+from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
+
+HEADER = (
+    "range",
+    "median",
+    "(95 % interval)",
+    "90 %",
+    "bias",
+    "RMSE",
+    "<1.05",
+    "<1.25",
+    "density",
+    "points",
+    "in 1 sigma",
+    "in 95 %",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ComparisonReport:
+    """How the comparison went.
+
+    Args:
+        comparison: its figures.
+        without_reference: frames that have nothing to be compared with.
+        skipped: frames that could not be used.
+        notes: what people should know about it.
+        files: what there is to open.
+    """
+
+    comparison: Comparison
+    without_reference: int = 0
+    skipped: Sequence[Skipped] = ()
+    notes: Sequence[str] = ()
+    files: Sequence[Path] = ()
+
+    @property
+    def exit_code(self) -> int:
+        """0 all done, 4 some frames skipped."""
+        return SOME_SKIPPED if self.skipped else ALL_DONE
+
+    def as_dict(self) -> dict[str, Any]:
+        """Figures, then what was left out."""
+        return {
+            **self.comparison.as_dict(),
+            "without_reference": self.without_reference,
+            "skipped": [{"id": each.id, **each.error.as_dict()} for each in self.skipped],
+            "notes": list(self.notes),
+            "files": [str(path) for path in self.files],
+        }
+
+    def text(self) -> str:
+        """Tables for a terminal, the causes in words, and what to open."""
+        compared = self.comparison
+        left_out = f", {self.without_reference} without reference" if self.without_reference else ""
+        lines = [
+            compared.subject,
+            f"{len(compared.frames)} frames against {compared.reference}{left_out}; pooled over "
+            "points, by the reference's depth",
+            *(f"  {note}" for note in self.notes),
+            comparison_table(compared),
+            *sigma_lines(compared),
+        ]
+        if compared.diagnosis is None:
+            lines.append("diagnosis: too few points for one")
+        else:
+            lines.append("diagnosis:")
+            lines += [f"  {line}" for line in compared.diagnosis.text().splitlines()]
+        if compared.timing is not None:
+            lines.append(f"  {compared.timing.text}")
+        lines += skipped_lines(self.skipped)
+        return "\n".join([*lines, *(f"  {path}" for path in self.files)])
+
+
+def comparison_table(compared: Comparison) -> str:
+    """A row for every bin, and one for all of them."""
+    rows = [
+        row_of(f"{each.from_m}-{each.to_m} m", each.figures) for each in compared.by_range
+    ]
+    first, last = compared.bins.range_m
+    return table_text([*rows, row_of(f"{first}-{last} m", compared.overall)], header=HEADER)
+
+
+def row_of(name: str, figures: DepthFigures) -> tuple[str, ...]:
+    """Figures as cells of `HEADER`."""
+    bounds = figures.intervals.get("median_rel")
+    return (
+        name,
+        percent(figures.median_rel),
+        "" if bounds is None else f"({100 * bounds[0]:.2f}-{100 * bounds[1]:.2f})",
+        percent(figures.p90_rel),
+        percent(figures.bias_rel, signed=True),
+        "-" if figures.rmse_m is None else f"{figures.rmse_m:.2f} m",
+        percent(figures.delta_1_05, digits=1),
+        percent(figures.delta_1_25, digits=1),
+        percent(figures.density, digits=1),
+        str(figures.n),
+        percent(figures.within_1_sigma, digits=1),
+        percent(figures.within_95, digits=1),
+    )
+
+
+def percent(share: float | None, *, digits: int = 2, signed: bool = False) -> str:
+    """A share for people, a dash for none."""
+    if share is None:
+        return "-"
+    return f"{100 * share:{'+' if signed else ''}.{digits}f} %"
+
+
+def sigma_lines(compared: Comparison) -> list[str]:
+    """Overall figures that the table has no column for."""
+    overall = compared.overall
+    if not overall.n:
+        return []
+    lines = [
+        f"abs rel {percent(overall.abs_rel)}, RMSE {overall.rmse_m:.2f} m, "
+        f"RMSE log {overall.rmse_log:.3f}"
+    ]
+    if overall.within_1_sigma is not None:
+        ause = compared.sparsification and f"{compared.sparsification.area:.2f}"
+        lines.append(
+            f"sigma: {percent(overall.within_1_sigma, digits=1)} of the errors within one sigma "
+            f"({ONE_SIGMA_SHARE:.0%} are right), {percent(overall.within_95, digits=1)} within the "
+            f"95 % radius; AUSE {ause or '-'}"
+        )
+    return lines
