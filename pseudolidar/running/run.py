@@ -114,7 +114,7 @@ class Run:
             write_results(folder, run.result(), job)
 
     def expected(
-        self, per_frame: Callable[[Frame], Any], *, crew: CrewPlan | None = None
+        self, per_frame: Callable[[Any], Any], *, crew: CrewPlan | None = None
     ) -> tuple[str, ...]:
         """Ids of the frames that the results will hold: all but those that failed and fail again.
 

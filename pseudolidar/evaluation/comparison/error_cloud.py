@@ -49,14 +49,17 @@ def error_colours(relative: Float64) -> UInt8:
     """(N, 3) colours of relative errors (N,): blue too near, white right, red too far."""
     size = np.clip(np.nan_to_num(relative) / FULL_COLOUR_REL, -1.0, 1.0)[:, None]
     end = np.where(size > 0, TOO_FAR, TOO_NEAR)
-    return np.rint(np.array(RIGHT) + np.abs(size) * (end - np.array(RIGHT))).astype(np.uint8)
+    colours: Float64 = np.array(RIGHT, np.float64) + np.abs(size) * (end - np.array(RIGHT))
+    return np.rint(colours).astype(np.uint8)
 
 
 def _dimmed(cloud: PointCloud) -> UInt8:
+    colours: Float64 = np.full((len(cloud), 3), 255.0)
     if cloud.rgb is not None:
-        return (DIMMED * cloud.rgb).astype(np.uint8)
-    grey = np.ones(len(cloud)) if cloud.intensity is None else np.nan_to_num(cloud.intensity)
-    return np.repeat((255 * DIMMED * np.clip(grey, 0, 1)).astype(np.uint8)[:, None], 3, axis=1)
+        colours = cloud.rgb.astype(np.float64)
+    elif cloud.intensity is not None:
+        colours *= np.clip(np.nan_to_num(cloud.intensity.astype(np.float64)), 0, 1)[:, None]
+    return (DIMMED * colours).astype(np.uint8)
 
 
 def reference_points(frame: StereoFrame, compared: ComparedFrame, *, scanned: bool) -> Float64:

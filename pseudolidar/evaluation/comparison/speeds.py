@@ -26,8 +26,9 @@ def forward_speeds(frames: Sequence[ComparedFrame]) -> Float64:
     for number in range(len(frames)):
         before, after = frames[max(number - 1, 0)], frames[min(number + 1, len(frames) - 1)]
         gap_s = (after.timestamp_ns - before.timestamp_ns) / NS_PER_S
-        known = before.place_m is not None and after.place_m is not None
+        if before.place_m is None or after.place_m is None:
+            continue
         steps = 2 if 0 < number < len(frames) - 1 else 1
-        if known and 0 < gap_s <= steps * LONGEST_GAP_S:
+        if 0 < gap_s <= steps * LONGEST_GAP_S:
             speeds[number] = np.linalg.norm(after.place_m - before.place_m) / gap_s
     return speeds

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pseudolidar.errors import ALL_DONE, SOME_SKIPPED
 from pseudolidar.evaluation.comparison.comparison import Comparison
 from pseudolidar.evaluation.comparison.figures import DepthFigures
-from pseudolidar.running.crew.attempt import Skipped
-from pseudolidar.running.one_cloud import skipped_lines
+from pseudolidar.running.results import RunResult
 from pseudolidar.running.table import table_text
 from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
 
@@ -37,32 +35,37 @@ class ComparisonReport:
 
     Args:
         comparison: its figures.
+        result: frames and times.
         without_reference: frames that have nothing to be compared with.
-        skipped: frames that could not be used.
         notes: what people should know about it.
         files: what there is to open.
     """
 
     comparison: Comparison
+    result: RunResult
     without_reference: int = 0
-    skipped: Sequence[Skipped] = ()
     notes: Sequence[str] = ()
     files: Sequence[Path] = ()
 
     @property
     def exit_code(self) -> int:
         """0 all done, 4 some frames skipped."""
-        return SOME_SKIPPED if self.skipped else ALL_DONE
+        return self.result.exit_code
 
-    def as_dict(self) -> dict[str, Any]:
-        """Figures, then what was left out."""
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Figures, then what was left out; the same however the run went."""
+        skipped = [{"id": each.id, **(each.skipped or {})} for each in self.result.skipped]
         return {
             **self.comparison.as_dict(),
             "without_reference": self.without_reference,
-            "skipped": [{"id": each.id, **each.error.as_dict()} for each in self.skipped],
+            "skipped": skipped,
             "notes": list(self.notes),
-            "files": [str(path) for path in self.files],
         }
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same, and what there is to open."""
+        return {**self.facts, "files": [str(path) for path in self.files]}
 
     def text(self) -> str:
         """Tables for a terminal, the causes in words, and what to open."""
@@ -74,24 +77,16 @@ class ComparisonReport:
             "points, by the reference's depth",
             *(f"  {note}" for note in self.notes),
             comparison_table(compared),
-            *sigma_lines(compared),
+            *overall_lines(compared),
+            *diagnosis_lines(compared),
+            self.result.text(),
         ]
-        if compared.diagnosis is None:
-            lines.append("diagnosis: too few points for one")
-        else:
-            lines.append("diagnosis:")
-            lines += [f"  {line}" for line in compared.diagnosis.text().splitlines()]
-        if compared.timing is not None:
-            lines.append(f"  {compared.timing.text}")
-        lines += skipped_lines(self.skipped)
         return "\n".join([*lines, *(f"  {path}" for path in self.files)])
 
 
 def comparison_table(compared: Comparison) -> str:
     """A row for every bin, and one for all of them."""
-    rows = [
-        row_of(f"{each.from_m}-{each.to_m} m", each.figures) for each in compared.by_range
-    ]
+    rows = [row_of(f"{each.from_m}-{each.to_m} m", each.figures) for each in compared.by_range]
     first, last = compared.bins.range_m
     return table_text([*rows, row_of(f"{first}-{last} m", compared.overall)], header=HEADER)
 
@@ -122,7 +117,7 @@ def percent(share: float | None, *, digits: int = 2, signed: bool = False) -> st
     return f"{100 * share:{'+' if signed else ''}.{digits}f} %"
 
 
-def sigma_lines(compared: Comparison) -> list[str]:
+def overall_lines(compared: Comparison) -> list[str]:
     """Overall figures that the table has no column for."""
     overall = compared.overall
     if not overall.n:
@@ -139,3 +134,11 @@ def sigma_lines(compared: Comparison) -> list[str]:
             f"95 % radius; AUSE {ause or '-'}"
         )
     return lines
+
+
+def diagnosis_lines(compared: Comparison) -> list[str]:
+    """What is wrong with the rig, in words."""
+    lines = ["diagnosis: too few points for one"]
+    if compared.diagnosis is not None:
+        lines = ["diagnosis:", *(f"  {line}" for line in compared.diagnosis.text().splitlines())]
+    return lines if compared.timing is None else [*lines, f"  {compared.timing.text}"]

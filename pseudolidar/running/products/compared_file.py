@@ -41,5 +41,5 @@ def read_compared(folder: Path, frame_id: str) -> ComparedFrame:
             timestamp_ns=int(arrays["timestamp_ns"]),
             rig=parse_rig(str(arrays["rig"]), path),
             **{name: arrays[name] for name in COLUMNS},
-            **{name: arrays[name] if name in arrays else None for name in OPTIONAL},
+            **{name: arrays.get(name) for name in OPTIONAL},
         )

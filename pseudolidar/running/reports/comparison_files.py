@@ -15,6 +15,7 @@ from pseudolidar.evaluation.comparison.figures import FIGURES, DepthFigures, Ran
 from pseudolidar.formats.atomic import write_atomic
 
 JSON_NAME, CSV_NAME = "compare.json", "compare.csv"
+RESULTS = (CSV_NAME, JSON_NAME)
 SCHEMA = 1
 # What rows of all frames together are called in the CSV.
 POOLED = "all"
@@ -39,10 +40,8 @@ def comparison_csv(compared: Comparison) -> bytes:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     bounds = [f"{name}_{end}" for name in FIGURES for end in ("low", "high")]
-    writer.writerow(
-        ["frame", "index", "timestamp_ns", "from_m", "to_m", "reference_points", "n", *FIGURES]
-        + bounds
-    )
+    names = ("frame", "index", "timestamp_ns", "from_m", "to_m", "reference_points", "n")
+    writer.writerow([*names, *FIGURES, *bounds])
     writer.writerows(_rows(compared))
     return text.getvalue().encode()
 
@@ -53,7 +52,7 @@ def write_comparison(folder: Path, compared: Comparison, facts: dict[str, Any]) 
     Raises:
         OutputError: the disk is full or gone.
     """
-    paths = [folder / CSV_NAME, folder / JSON_NAME]
+    paths = [folder / name for name in RESULTS]
     for path, data in zip(paths, (comparison_csv(compared), comparison_json(facts)), strict=True):
         write_atomic(path, data)
     return paths

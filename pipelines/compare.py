@@ -1,0 +1,419 @@
+"""Stereo against Velodyne: how wrong the metres are by range, and what explains it."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, cast, get_args
+
+from pseudolidar.errors import PseudolidarError, UsageError
+from pseudolidar.evaluation.compared import ComparedFrame, against_scan, against_truth
+from pseudolidar.evaluation.comparison.bins import DEFAULT_BINS, DepthBins
+from pseudolidar.evaluation.comparison.comparison import compare_frames
+from pseudolidar.formats.mcap.content import McapContent
+from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.running.bad_frames import OnError, good_frames
+from pseudolidar.running.comparing.gathered import AGAINST, Gathered, Judged, Missing, bare
+from pseudolidar.running.comparing.other import other_reference
+from pseudolidar.running.comparing.references import SCAN, OwnKind, OwnReference, Reference, kind_of
+from pseudolidar.running.comparing.second_place import is_source
+from pseudolidar.running.crew.attempt import Done, Skipped
+from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
+from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
+from pseudolidar.running.folder import check_usable
+from pseudolidar.running.frame_checks import MIN_DENSITY, check_pair, check_texture
+from pseudolidar.running.given import GivenSettings, given_maps
+from pseudolidar.running.journal.record import FrameRecord
+from pseudolidar.running.products.compared_outputs import ComparedOutputs
+from pseudolidar.running.products.compared_products import ComparedEncoder
+from pseudolidar.running.products.encoders import FrameEncoder
+from pseudolidar.running.products.product import Product
+from pseudolidar.running.products.recording import RecordingPlan
+from pseudolidar.running.products.trees import Trees
+from pseudolidar.running.progress import FrameProgress
+from pseudolidar.running.reports.comparison_files import RESULTS, write_comparison
+from pseudolidar.running.reports.comparison_report import ComparisonReport
+from pseudolidar.running.reports.samples import sampled_frames
+from pseudolidar.running.results import RunResult, Stopwatch
+from pseudolidar.running.run import Run
+from pseudolidar.running.settings_json import result_settings
+from pseudolidar.running.settings_schema import choice_name, described
+from pseudolidar.running.signals import SIGNAL_EXIT_BASE, Stopped
+from pseudolidar.running.stream import stream
+from pseudolidar.sources.other_rig import opened_with_rig
+from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.recording.recording import Recording
+from pseudolidar.sources.selection import FrameSelection, select, whole
+from pseudolidar.sources.source import FrameSequence, nearest_depth_m, pairs_of
+from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.filters.clean import Clean, Cleaner
+from pseudolidar.stereo.filters.filled_map import Surfaces
+from pseudolidar.stereo.filters.map_filter import MapFilters
+from pseudolidar.stereo.filters.smoothed_map import Fgs
+from pseudolidar.stereo.filters.temporal import Kalman
+from pseudolidar.stereo.given_maps import StoredSteps
+from pseudolidar.stereo.matcher import StereoMatcher
+from pseudolidar.stereo.neural import Onnx
+from pseudolidar.stereo.reproject import Reproject, Reprojector
+from pseudolidar.stereo.sgbm import Bm, Sgbm
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.disparity import DisparityMap
+from pseudolidar.structures.frame import StereoFrame
+
+_log = logging.getLogger(__name__)
+
+# Reference points that are kept of all frames together: a scan has some 18 000 in view, so 200
+# frames count whole and of longer drives each frame is thinned evenly.
+MAX_POINTS = 4_000_000
+# A source none of whose first frames has a reference has none: the others need not be read.
+FRAMES_TRIED = 100
+
+
+@dataclass(frozen=True)
+class Compare:
+    """Match every frame of SOURCE and compare its depths with a reference.
+
+    The reference is what the source has: LiDAR scans, else ground-truth disparities. Judged are the
+    disparities that `convert` makes clouds of, so without what cleaning removes (`--clean none`
+    judges all of them), before clouds are cut off at a range. Figures are pooled over reference
+    points and binned by the reference's depth Z; intervals hold 95 % of resamples of the frames.
+
+    With OUT the figures are written there (compare.json, compare.csv), with clouds coloured by
+    their error; without it they are only told. A run that was killed is continued by the same
+    command.
+
+    The second argument may also be another SOURCE to compare with: clouds, recordings, folders of
+    disparity maps, pairs. It is taken for one if it exists and can be read as one, and is not a
+    folder that `compare` itself has written to; what it was taken for is said. `--reference B` and
+    `--out OUT` leave no doubt.
+
+        pseudolidar compare 2011_09_26_drive_0002_sync out
+        pseudolidar compare training --frames 0::2 --bins 0,10,20,40 --json
+        pseudolidar compare drive.mcap other.mcap
+        pseudolidar compare training out --reference network_disparities --to pcd,together
+
+    Args:
+        source: data with LiDAR scans or ground-truth disparities, as for `convert`.
+        out_or_b: output folder, or another source to compare with.
+        out: output folder, for certain.
+        reference: with what: scan, truth, auto (scans where there are some, else truth), or the
+            path of another source or of disparity maps, paired by name, number or time.
+        bins: edges of the ranges, whole metres.
+        to: clouds to write with OUT, a comma list: pcd, pcd:compressed, pcd:ascii, ply, ply:ascii,
+            npz, mcap with the error of each point (error_m, and as colour); together (a PLY of both
+            clouds, column source); or none.
+        matcher: how disparities are found.
+        clean: what is removed of the disparities because it is no surface; `none` keeps all.
+        temporal: how disparities are fused with those of the frames before; needs poses.
+        smooth: how disparities are smoothed before they are judged.
+        fill: how holes between matched pixels are filled.
+        disparity: disparities that somebody else made, in place of a matcher: a folder of PNG (x
+            256), PFM or NPY files named as the frames.
+        depth: the same with depth along the optical axis: PNG (x 256), PFM or NPY (m).
+        map_scale: steps a px or m of such maps: auto, 256, 16 (OpenCV), 1000 (mm), 5000 (TUM), 1.
+        check_maps: look up in the pictures whether that scale is the right one.
+        sigma_px: error (68 %) of such maps, px of disparity; unknown by default.
+        reproject: which pixels become points of the clouds, and how.
+        mcap: what a recording holds.
+        frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
+        exclude: not these.
+        rig: calibration that replaces the source's cameras: a rig.json, OpenCV YAML, XML or JSON,
+            ROS camera_info, K.txt, calib.txt; a file, a folder, or LEFT,RIGHT.
+        rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
+        scale_calibration: scale the calibration where images have another size.
+        min_depth: nearest depth that must be found, m; decides how many disparities are searched.
+            By default what the data set says of its scenes, else 3.
+        workers: frames worked on at the same time; by default one per core.
+        timeout: a frame that takes longer is skipped, s.
+        on_error: skip a bad frame (and stop when they become many), or stop at the first.
+        overwrite: start anew, even where OUT holds a run with other settings.
+    """
+
+    source: Annotated[Source, Recognised(recognise)]
+    out_or_b: Annotated[str | None, POSITIONAL] = None
+    out: Annotated[Path | None, RUN_ONLY] = None
+    reference: str = "auto"
+    bins: DepthBins = DEFAULT_BINS
+    to: ComparedOutputs = field(default_factory=lambda: ComparedOutputs(("pcd",)))
+    matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
+    clean: Clean | None = field(default_factory=Clean)
+    temporal: Kalman | None = None
+    smooth: Fgs | None = None
+    fill: Surfaces | None = None
+    disparity: Path | None = None
+    depth: Path | None = None
+    map_scale: StoredSteps = field(default_factory=StoredSteps)
+    check_maps: Annotated[bool, RUN_ONLY] = True
+    sigma_px: float | None = None
+    reproject: Reproject = field(default_factory=Reproject)
+    mcap: McapContent = field(default_factory=McapContent)
+    frames: FrameSelection | None = None
+    exclude: FrameSelection | None = None
+    rig: Path | None = None
+    rig_unit: RigUnit | None = None
+    scale_calibration: bool = False
+    min_depth: float | None = None
+    workers: Annotated[int | None, RUN_ONLY] = None
+    timeout: Annotated[float, RUN_ONLY] = FRAME_TIMEOUT_S
+    on_error: Annotated[OnError, RUN_ONLY] = "skip"
+    overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+
+    @property
+    def crew(self) -> CrewPlan:
+        """How the frames are done."""
+        return CrewPlan(self.workers, self.timeout)
+
+    @property
+    def given(self) -> GivenSettings:
+        """Maps in place of a matcher."""
+        return GivenSettings(
+            self.disparity, self.depth, self.map_scale, self.check_maps, self.sigma_px
+        )
+
+    @property
+    def owned(self) -> bool:
+        """Whether the reference is the source's own."""
+        return self.reference in get_args(OwnKind)
+
+    @property
+    def matched_by(self) -> str:
+        """What finds the disparities, and what is done to them, in a few words."""
+        cleaned = None if self.given.text else self.clean
+        steps = (self.temporal, self.smooth, self.fill, cleaned)
+        names = [choice_name(type(step)) for step in steps if step is not None]
+        return " + ".join([self.given.text or described(self.matcher), *names])
+
+
+def run(job: Compare) -> ComparisonReport:
+    """Match and compare every frame; then figures, intervals, causes."""
+    job = placed(job)
+    source = opened(job)
+    per_frame = CompareFrame.of(job, source)
+    missing = Missing(source.summary.line, source.summary.path, tried=FRAMES_TRIED)
+    if job.out is None:
+        gathered = told(job, source, per_frame, missing)
+    else:
+        gathered = written(job, job.out, source, per_frame, missing)
+    if not gathered.frames:
+        raise missing.error()
+    compared = compare_frames(
+        gathered.frames,
+        subject=f"{job.matched_by} on {source.summary.line}",
+        reference=gathered.words if job.owned else f"{job.reference} ({gathered.words})",
+        bins=job.bins,
+        scanned=job.owned and set(gathered.against) == {SCAN},
+    )
+    notes = notes_of(source, compared.frames[0].rig)
+    report = ComparisonReport(compared, gathered.result, gathered.without, notes)
+    if job.out is None:
+        return report
+    facts = {"settings": result_settings(job), **report.facts}
+    return replace(report, files=write_comparison(job.out, compared, facts))
+
+
+def told(
+    job: Compare, source: FrameSequence[StereoFrame], per_frame: CompareFrame, missing: Missing
+) -> Gathered:
+    """Compare every frame and write nothing."""
+    frames, records, watch = list[ComparedFrame](), list[FrameRecord](), Stopwatch()
+    outcomes = stream(source, per_frame, crew=job.crew)
+    with FrameProgress(len(source.ids)) as progress:
+
+        def skip(frame: Skipped) -> None:
+            records.append(FrameRecord.of_skipped(frame))
+            progress.skip()
+
+        for frame in good_frames(
+            outcomes, frames=len(source.ids), on_error=job.on_error, skipped=skip
+        ):
+            judged: Judged = frame.value
+            missing.see(judged.against)
+            records.append(FrameRecord(frame.id, frame.index, figures={AGAINST: judged.against}))
+            frames += [] if judged.compared is None else [judged.compared]
+            watch.lap(frame.cpu_s)
+            progress.advance()
+    total = len(source.ids) + len(source.refused)
+    result = RunResult(source.summary, total, tuple(records), watch.frames, watch.as_dict())
+    return Gathered(tuple(frames), result)
+
+
+def written(
+    job: Compare,
+    out: Path,
+    source: FrameSequence[StereoFrame],
+    per_frame: CompareFrame,
+    missing: Missing,
+) -> Gathered:
+    """Compare every frame, and commit what is written of it in order."""
+    check_usable(out)
+    recording = RecordingPlan.of(job, source, wanted=job.to.coloured.recording)
+    with Run.open(out, job, source, products=(*recording.names, *RESULTS)) as run:
+        empty = bare(run.records())
+        names = [name for name in run.expected(per_frame, crew=job.crew) if name not in empty]
+        with recording.open(out, names) as log:
+            settled = run.settled(log.held | empty)
+            outcomes = stream(
+                source, per_frame, crew=job.crew, skip=settled, in_flight=run.in_flight
+            )
+            for frame in run.good(outcomes):
+                judged: Judged = frame.value
+                missing.see(judged.against)
+                log.append(frame.id, judged.product.parts)
+                run.commit(Done(frame.id, frame.index, judged.product, frame.cpu_s))
+    if ended_by := run.result().ended_by:  # by a signal: errors have come out of the block
+        raise Stopped(ended_by - SIGNAL_EXIT_BASE)
+    return Gathered.read(out, run.result())
+
+
+@dataclass(frozen=True)
+class CompareFrame:
+    """One frame with its reference to what is kept of it: pure, picklable, one thread.
+
+    Args:
+        match: pair to the disparities that become points.
+        reference: what frames are compared with.
+        reproject: disparity to points.
+        most: reference points to keep.
+        encode: what is written of a frame; None where nothing is.
+    """
+
+    match: MatchFrame
+    reference: Reference
+    reproject: Reprojector
+    most: int
+    encode: ComparedEncoder | None
+
+    @classmethod
+    def of(cls, job: Compare, source: FrameSequence[StereoFrame]) -> CompareFrame:
+        """With everything heavy loaded."""
+        match = MatchFrame.of(job, source)
+        most = max(1, MAX_POINTS // max(1, len(source.ids)))
+        encode = None
+        if job.out is not None:
+            sampled = sampled_frames(source.ids)
+            frames = FrameEncoder(job.to.coloured, job.mcap, Trees(), sampled)
+            encode = ComparedEncoder(frames, job.to.together, most)
+        return cls(match, reference_of(job, source, match), job.reproject.load(), most, encode)
+
+    def __call__(self, frame: StereoFrame) -> Judged:
+        """Match and compare.
+
+        Raises:
+            PairIdentical, LowTexture: there is nothing to be seen.
+            CalibrationField: nobody knows where the scan was taken.
+        """
+        found = self.reference(frame)
+        if found is None:
+            return Judged(None, None, Product((), figures={AGAINST: None}))
+        kind, disparity = kind_of(found), self.match(found)
+        against = against_scan if kind == SCAN else against_truth
+        compared = against(disparity, found)
+        if self.encode is None:
+            return Judged(kind, compared.thinned(self.most), Product(()))
+        cloud = self.reproject(found, disparity)
+        product = self.encode(found, disparity, cloud, compared)
+        return Judged(kind, None, replace(product, figures={AGAINST: kind}))
+
+
+@dataclass(frozen=True)
+class MatchFrame:
+    """A pair to the disparities that `convert` makes points of: pure, picklable, one thread.
+
+    Args:
+        matcher: pair to disparity.
+        refine: disparity to a smoother or denser one.
+        clean: disparity without what is no surface.
+        least_density: share of pixels that must have a disparity: given maps may be sparse.
+    """
+
+    matcher: StereoMatcher
+    refine: MapFilters
+    clean: Cleaner
+    least_density: float
+
+    @classmethod
+    def of(cls, job: Compare, source: FrameSequence[StereoFrame]) -> MatchFrame:
+        """With everything heavy loaded."""
+        given = given_maps(job.given, source)
+        nearest_m = nearest_depth_m(job.min_depth, source)
+        matcher: StereoMatcher = given or job.matcher.load(min_depth_m=nearest_m)
+        refine = MapFilters.load(job.smooth, job.fill)
+        if job.temporal is not None:
+            fuse = job.temporal.load(matcher, pairs_of(whole(source)))
+            matcher, refine = fuse.sightings, refine.after(fuse)
+        clean = Cleaner.load(None if given else job.clean)
+        return cls(matcher, refine, clean, 0.0 if given else MIN_DENSITY)
+
+    def __call__(self, frame: StereoFrame) -> DisparityMap:
+        """Match, refine, clean.
+
+        Raises:
+            PairIdentical, LowTexture: there is nothing to be seen.
+        """
+        check_pair(frame)
+        matched = self.matcher(frame)
+        check_texture(frame, matched, least=self.least_density)
+        return self.clean(frame, self.refine(frame, matched).disparity).disparity
+
+
+def placed(job: Compare) -> Compare:
+    """The job with its second argument where it belongs: as output folder or as reference.
+
+    Raises:
+        UsageError: it can only be one of them, and that is given already.
+    """
+    text = job.out_or_b
+    if text is None:
+        return job
+    job = replace(job, out_or_b=None)
+    if not job.owned or (job.out is None and not is_source(text)):
+        if job.out is not None:
+            raise UsageError(
+                f"{text!r} beside --out and --reference", want="one output folder, one reference"
+            )
+        _log.info("results: %s", text)
+        return replace(job, out=Path(text))
+    _log.info("compared with: %s (--out makes it the output folder)", text)
+    return replace(job, reference=text)
+
+
+def opened(job: Compare) -> FrameSequence[StereoFrame]:
+    """The pairs that are asked for, with the rig that is asked for."""
+    settings = job.source
+    if isinstance(settings, Recording) and settings.take == "auto":
+        with contextlib.suppress(PseudolidarError):  # of clouds, which the next line says
+            replace(settings, take="pairs").open()
+            settings = replace(settings, take="pairs")
+    every = opened_with_rig(
+        settings, job.rig, scale_calibration=job.scale_calibration, unit=job.rig_unit
+    )
+    source = select(pairs_of(every), job.frames, job.exclude)
+    for line in (source.summary.line, *source.summary.notes):
+        _log.info(line)
+    for name in source.summary.absent:
+        _log.info("absent: %s", name)
+    _log.info("disparities: %s", job.matched_by)
+    return source
+
+
+def reference_of(job: Compare, source: FrameSequence[StereoFrame], match: MatchFrame) -> Reference:
+    """What the frames are compared with.
+
+    Raises:
+        SourceUnknown, SourceEmpty: the other source is none, or has no frame of ours.
+    """
+    if job.owned:
+        return OwnReference(cast("OwnKind", job.reference))
+    return other_reference(job.reference, source, match)
+
+
+def notes_of(source: FrameSequence[StereoFrame], rig: StereoRig) -> tuple[str, ...]:
+    """What people should know of the figures."""
+    if rig.correction is None:
+        stock = f"rig as it came; systematic error in sigma {rig.systematic_sigma_px:g} px"
+        return (*source.summary.notes, stock)
+    corrected = f"rig corrected ({rig.correction.origin or 'origin unknown'})"
+    residual = f"systematic error in sigma {rig.systematic_sigma_px:.2f} px"
+    return (*source.summary.notes, f"{corrected}; {residual}")

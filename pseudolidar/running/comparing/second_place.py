@@ -1,0 +1,42 @@
+"""What the second argument of `compare` is: a folder for the results, or another source."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pseudolidar.errors import SourceUnknown, UsageError
+from pseudolidar.evaluation.map_files import is_maps
+from pseudolidar.running.products.compared_file import COMPARED_FOLDER
+from pseudolidar.running.reports.comparison_files import JSON_NAME
+from pseudolidar.sources.recognise import recognise
+from pseudolidar.sources.synthetic import SYNTHETIC
+
+# A path that is not there and is named like one of these was meant to be read.
+READ_SUFFIXES = frozenset(
+    (".mcap", ".bag", ".db3", ".pcd", ".ply", ".bin", ".npz", ".mp4", ".mkv", ".avi")
+)
+
+
+def is_source(text: str) -> bool:
+    """Whether the argument is another source, and not where the results go.
+
+    It is one if it can be read as a source or as disparity maps, unless `compare` wrote it.
+
+    Raises:
+        UsageError: a recording or file that is not there.
+    """
+    if text.startswith(SYNTHETIC):
+        return True
+    path = Path(text)
+    if not path.exists():
+        if path.suffix.lower() in READ_SUFFIXES:
+            want = "an output folder, or another source to compare with"
+            raise UsageError("no such file", want=want, path=text)
+        return False
+    if (path / JSON_NAME).exists() or (path / COMPARED_FOLDER).exists():
+        return False
+    try:
+        recognise(text)
+    except SourceUnknown:
+        return is_maps(path)
+    return True

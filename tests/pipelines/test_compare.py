@@ -1,0 +1,159 @@
+"""The verb from end to end: figures as JSON and CSV, what is left out, where results go."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pseudolidar.cli import main
+from pseudolidar.errors import SOME_SKIPPED
+from pseudolidar.evaluation.comparison.figures import FIGURES
+from pseudolidar.formats.points.cloud_file import read_cloud
+from pseudolidar.formats.points.npz import read_npz
+
+STREET = ("synthetic:street:4", "--width-px", "480")
+
+
+def compare(*args: object) -> int:
+    return main(["compare", *map(str, args)])
+
+
+def result(capsys: pytest.CaptureFixture[str], *args: object, code: int = 0) -> dict:
+    capsys.readouterr()
+    assert compare(*args, "--json") == code
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of four frames of a street; not to be changed."""
+    out = tmp_path_factory.mktemp("street") / "out"
+    assert compare(*STREET, out, "--to", "npz,mcap,together") == 0
+    return out
+
+
+def test_figures_as_json_and_in_the_folder_are_the_same(street, capsys):
+    told = result(capsys, *STREET)
+    assert told["frames"] == 4
+    assert [(b["from_m"], b["to_m"]) for b in told["bins"]] == [
+        (5, 10),
+        (10, 20),
+        (20, 30),
+        (30, 50),
+        (50, 80),
+    ]
+    for each in told["bins"]:
+        assert {"median_rel", "p90_rel", "bias_rel", "density", "n"} <= each.keys()
+        assert 0 < each["n"] <= each["reference_points"]
+        assert each["density"] == pytest.approx(each["n"] / each["reference_points"])
+        assert each["intervals"].keys() == set(FIGURES)
+    assert told["n"] == sum(each["n"] for each in told["bins"])
+    assert 0.5 < told["within_1_sigma"] <= told["within_95"] <= 1
+    assert told["reference"] == "LiDAR scans"
+    # a rendered rig is exact: what is left is matching
+    assert told["median_rel"] < 0.02
+    assert abs(told["bins"][0]["bias_rel"]) < 0.01
+    stored = json.loads((street / "compare.json").read_text())
+    assert stored["settings"]["matcher"]["kind"] == "census"
+    assert stored["bins"] == told["bins"]
+    assert stored["by_column"] == told["by_column"]
+
+
+def test_the_table_has_a_row_for_every_frame_and_bin(street):
+    with (street / "compare.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 5 * 6  # four frames and all of them; five bins and all of them
+    stored = json.loads((street / "compare.json").read_text())
+    pooled = rows[-6:]
+    assert {row["frame"] for row in pooled} == {"all"}
+    for row, each in zip(pooled, stored["bins"], strict=False):
+        assert float(row["median_rel"]) == each["median_rel"]
+        low, high = each["intervals"]["median_rel"]
+        assert (float(row["median_rel_low"]), float(row["median_rel_high"])) == (low, high)
+    by_bin = [sum(int(r["n"]) for r in rows[b : 4 * 6 : 6]) for b in range(6)]
+    assert by_bin == [int(row["n"]) for row in pooled]
+    assert rows[0]["median_rel_low"] == ""
+
+
+def test_clouds_carry_their_errors(street):
+    cloud = read_npz(street / "npz" / "000002.npz")
+    error_m = cloud.extra["error_m"]
+    known = np.isfinite(error_m)
+    assert 0.02 < known.mean() < 0.9
+    # x of the Velodyne's frame is forward, within a degree of the camera's axis
+    reference_m = cloud.xyz[known, 0] - error_m[known]
+    relative = error_m[known] / reference_m
+    red, _, blue = cloud.rgb[known].astype(int).T
+    assert (red > blue)[relative > 0.02].all()
+    assert (blue > red)[relative < -0.02].all()
+
+
+def test_both_clouds_together(street):
+    both = read_cloud(street / "together" / "000002.ply")
+    source = both.extra["source"]
+    assert set(np.unique(source)) == {0, 1}
+    stereo = read_npz(street / "npz" / "000002.npz")
+    assert (source == 0).sum() == len(stereo)
+    np.testing.assert_allclose(both.xyz[source == 0], stereo.xyz, atol=1e-4)
+    assert (both.rgb[source == 1] == (0, 200, 255)).all()
+    # the scan lies where stereo is: nearest neighbours of its points ahead
+    from scipy.spatial import cKDTree
+
+    scan = both.xyz[source == 1]
+    ahead = scan[(scan[:, 0] > 6) & (scan[:, 0] < 15) & (np.abs(scan[:, 1]) < 3)]
+    assert np.median(cKDTree(stereo.xyz).query(ahead)[0]) < 0.15
+
+
+def test_a_complete_folder_is_left_alone_and_a_torn_one_is_completed(street, tmp_path, capsys):
+    out = tmp_path / "out"
+    shutil.copytree(street, out)
+    before = (out / "compare.json").read_bytes()
+    args = (*STREET, out, "--to", "npz,mcap,together")
+    assert compare(*args) == 0
+    assert "already complete" in capsys.readouterr().out
+    (out / ".compared" / "000001.npz").unlink()
+    (out / "compare.json").unlink()
+    (out / "compare.csv").unlink()
+    assert compare(*args, "--workers", 1) == 0
+    assert (out / "compare.json").read_bytes() == before
+    for name in ("compare.csv", "npz/000001.npz", ".compared/000001.npz"):
+        assert (out / name).read_bytes() == (street / name).read_bytes()
+    recordings = [next(folder.glob("*.mcap")).read_bytes() for folder in (out, street)]
+    assert recordings[0] == recordings[1]
+
+
+def test_bins_of_ones_own(capsys):
+    told = result(capsys, *STREET, "--frames", "0", "--bins", "0,15,400")
+    assert [(b["from_m"], b["to_m"]) for b in told["bins"]] == [(0, 15), (15, 400)]
+    assert told["intervals"] == {}  # of one frame
+    assert compare(*STREET, "--bins", "15,5") == 2
+    assert "increasing" in capsys.readouterr().err
+
+
+def test_the_truth_where_it_is_asked_for(capsys):
+    told = result(capsys, *STREET, "--frames", "0,1", "--reference", "truth")
+    assert told["reference"] == "ground-truth disparities"
+    assert told["time_offset"] is None
+    assert told["n"] > 50_000
+
+
+def test_a_source_without_a_reference_is_refused(drive, capsys):
+    told = result(capsys, drive, "--rig", drive / "rig.json", code=3)
+    assert told["error"]["code"] == "ReferenceMissing"
+
+
+def test_bad_frames_are_left_out_and_named(tmp_path, capsys):
+    kitti = tmp_path / "kitti"
+    assert main(["synth", str(kitti), "--frames", "4", "--width-px", "480"]) == 0
+    next(kitti.rglob("image_02/data/*1.png")).write_bytes(b"not a picture")
+    for out in ((), (tmp_path / "out",)):
+        told = result(capsys, kitti, *out, code=SOME_SKIPPED)
+        assert [(each["id"], each["code"]) for each in told["skipped"]] == [
+            ("0000000001", "ImageUnreadable")
+        ]
+        assert told["frames"] == 3
