@@ -32,6 +32,7 @@ from pseudolidar.running.frame_checks import (
     scale_notes,
 )
 from pseudolidar.running.given import GivenSettings, given_maps
+from pseudolidar.running.preflight import preflight
 from pseudolidar.running.products.colmap_model import ColmapModel
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.products.encoders import FrameEncoder
@@ -126,6 +127,9 @@ class Convert:
         frame: coordinate frame of the clouds: velodyne, camera_left or base_link, by default
             velodyne where that is calibrated, else camera_left; of recorded clouds any that the
             source knows, by default their own. `.bin` is always x forward.
+        swap: exchange left and right pictures.
+        check: look at the first, the middle and the last pair before the run: swapped eyes, rows
+            that are off and a calibration for another size stop it, other oddities are warned of.
         workers: frames worked on at the same time; by default one per core.
         timeout: a frame that takes longer is skipped, s.
         isolate: do frames in processes of their own: a file that crashes or hangs a library, or
@@ -169,6 +173,8 @@ class Convert:
     scale_calibration: bool = False
     min_depth: float | None = None
     frame: CloudFrame | None = None
+    swap: bool = False
+    check: Annotated[bool, RUN_ONLY] = True
     workers: Annotated[int | None, RUN_ONLY] = None
     timeout: Annotated[float, RUN_ONLY] = FRAME_TIMEOUT_S
     isolate: Annotated[bool, RUN_ONLY] = False
@@ -201,6 +207,7 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
     check_usable(job.out)
     per_frame = ConvertFrame.of(job, source)
     if job.dry_run:
+        preflight(source, wanted=job.check, crew=job.crew)
         return rehearse(source, per_frame, folder=job.out, crew=job.crew).checked()
     recording = RecordingPlan.of(job, source, wanted=job.to.recording)
     trees = per_frame.encode.trees
@@ -210,6 +217,7 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
         recording.open(job.out, run.expected(per_frame, crew=job.crew)) as log,
     ):
         settled = run.settled(log.held)
+        run.check(wanted=job.check and len(settled) < len(source.ids), crew=job.crew)
         outcomes = stream(source, per_frame, crew=job.crew, skip=settled, in_flight=run.in_flight)
         left = len(source.ids) - len(settled)
         for frame in run.good(fitting(outcomes, frames=left, folder=job.out)):
@@ -331,7 +339,11 @@ class ConvertFrame:
 def opened(job: Convert) -> FrameSequence[Frame]:
     """The source with the selection and the rig that the job asks for."""
     every = opened_with_rig(
-        job.source, job.rig, scale_calibration=job.scale_calibration, unit=job.rig_unit
+        job.source,
+        job.rig,
+        scale_calibration=job.scale_calibration,
+        unit=job.rig_unit,
+        swap=job.swap,
     )
     source = select(every, job.frames, job.exclude)
     for line in (source.summary.line, *source.summary.notes):

@@ -20,6 +20,7 @@ from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, Recognised
+from pseudolidar.running.preflight import preflight
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.settings_schema import described
 from pseudolidar.running.stream import stream
@@ -96,6 +97,9 @@ class Evaluate:
         scale_calibration: scale the calibration where images have another size.
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
             By default what the data set says of its scenes, else 3.
+        swap: exchange left and right pictures.
+        check: look at the first, the middle and the last pair before: swapped eyes, rows that are
+            off and a calibration for another size stop it, other oddities are warned of.
         workers: frames worked on at the same time; more than one disturbs the measured time.
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
     """
@@ -113,6 +117,8 @@ class Evaluate:
     rig_unit: RigUnit | None = None
     scale_calibration: bool = False
     min_depth: float | None = None
+    swap: bool = False
+    check: Annotated[bool, RUN_ONLY] = True
     workers: Annotated[int, RUN_ONLY] = 1
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
 
@@ -163,6 +169,7 @@ def run(job: Evaluate) -> DisparityReport:
     if isinstance(job.source, Maps) or job.reference is not None:
         return compare_maps(job)
     source = opened(job)
+    warnings = preflight(source, wanted=job.check, crew=CrewPlan(job.workers))
     filters = MapFilters.load(job.smooth, job.fill)
     loaded: StereoMatcher = job.matcher.load(min_depth_m=nearest_depth_m(job.min_depth, source))
     if job.temporal is not None:
@@ -201,6 +208,7 @@ def run(job: Evaluate) -> DisparityReport:
         seconds_per_frame=float(np.median([frame.seconds for frame in judged])),
         without_truth=without_truth,
         skipped=[(frame.id, str(frame.error)) for frame in skipped],
+        warnings=warnings,
     )
 
 
@@ -208,7 +216,11 @@ def opened(job: Evaluate) -> FrameSequence[StereoFrame]:
     """The frames that are asked for, with the rig that is asked for."""
     assert not isinstance(job.source, Maps)
     whole = opened_with_rig(
-        job.source, job.rig, scale_calibration=job.scale_calibration, unit=job.rig_unit
+        job.source,
+        job.rig,
+        scale_calibration=job.scale_calibration,
+        unit=job.rig_unit,
+        swap=job.swap,
     )
     return select(pairs_of(whole), job.frames, job.exclude)
 

@@ -148,6 +148,10 @@ class PairIdentical(PseudolidarError):
     advice = "Check that both folders are not the same."
 
 
+class PairSwapped(PseudolidarError):
+    """The left picture is the right eye's."""
+
+
 class NotRectified(PseudolidarError):
     """Rows of the pair are not aligned."""
 

@@ -25,6 +25,7 @@ class DisparityReport:
         seconds_per_frame: median time of matching alone, one frame at a time.
         without_truth: frames that have no true disparity.
         skipped: id and reason of frames that could not be used.
+        warnings: what is odd about the pairs.
     """
 
     subject: str
@@ -34,6 +35,7 @@ class DisparityReport:
     seconds_per_frame: float | None = None
     without_truth: int = 0
     skipped: Sequence[tuple[str, str]] = ()
+    warnings: Sequence[str] = ()
 
     @property
     def exit_code(self) -> int:
@@ -67,6 +69,7 @@ class DisparityReport:
             **self._halves_dict(),
             "without_truth": self.without_truth,
             "skipped": [{"id": name, "reason": reason} for name, reason in self.skipped],
+            "warnings": list(self.warnings),
         }
 
     def _halves_dict(self) -> dict[str, Any]:

@@ -61,6 +61,7 @@ class RunResult:
         passed_now: frames that passed in this run; the others were committed before.
         times: of this run, as in `run.json`.
         ended_by: exit code of the signal or error that ended it early, or 0.
+        warnings: what was odd about the pairs when they were looked at before the first frame.
     """
 
     source: SourceSummary
@@ -69,6 +70,7 @@ class RunResult:
     passed_now: int
     times: dict[str, Any] = field(default_factory=dict)
     ended_by: int = 0
+    warnings: tuple[str, ...] = ()
 
     @property
     def skipped(self) -> tuple[FrameRecord, ...]:
@@ -101,6 +103,7 @@ class RunResult:
             "exit_code": self.exit_code,
             "figures": self.figures,
             "times": self.times,
+            "warnings": list(self.warnings),
         }
 
     def text(self) -> str:
@@ -153,7 +156,7 @@ def write_results(folder: Path, result: RunResult, job: object) -> None:
     }
     report = {
         **head,
-        **{key: run[key] for key in ("frames", "committed", "exit_code", "figures")},
+        **{key: run[key] for key in ("frames", "committed", "exit_code", "figures", "warnings")},
         "skipped": [
             {"id": record.id, "index": record.index, **(record.skipped or {})}
             for record in result.skipped

@@ -16,6 +16,7 @@ from pseudolidar.running.folder import own_folder
 from pseudolidar.running.journal.identity import identity
 from pseudolidar.running.journal.journal import Journal
 from pseudolidar.running.journal.record import FileRecord, FrameRecord
+from pseudolidar.running.preflight import preflight
 from pseudolidar.running.products.product import Product
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.results import RunResult, Stopwatch, write_results
@@ -66,6 +67,7 @@ class Run:
         self._watch = Stopwatch()
         self._ended_by = 0
         self._hopeless: frozenset[str] = frozenset()
+        self._warnings: tuple[str, ...] = ()
 
     @classmethod
     @contextlib.contextmanager
@@ -127,6 +129,14 @@ class Run:
         self._hopeless = frozenset(o.id for o in outcomes if isinstance(o, Skipped))
         return tuple(name for name in self.source.ids if name not in self._hopeless)
 
+    def check(self, *, wanted: bool, crew: CrewPlan) -> None:
+        """Look at a few pairs before the first frame; what is odd goes into the report.
+
+        Raises:
+            PairSwapped, NotRectified, CalibrationSizeMismatch: they would make no metres.
+        """
+        self._warnings = preflight(self.source, wanted=wanted, crew=crew, in_flight=self.in_flight)
+
     def settled(self, held: Collection[str]) -> frozenset[str]:
         """Ids of frames that need not be done: committed and `held`, or hopeless.
 
@@ -180,4 +190,5 @@ class Run:
             self._watch.frames,
             self._watch.as_dict(),
             self._ended_by,
+            self._warnings,
         )

@@ -15,9 +15,10 @@ from pseudolidar.formats.rigs.rig_file import read_any_rig
 from pseudolidar.formats.rigs.rig_json import rig_warnings
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.geometry.frames import BASE_LINK, left_in_base_link
-from pseudolidar.sources.aligned_rows import with_rows_aligned
+from pseudolidar.sources.aligned_rows import AlignedRows, with_rows_aligned
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.recording.recording import Recording
+from pseudolidar.sources.selection import SelectedSource
 from pseudolidar.sources.source import (
     FrameSequence,
     FrameSource,
@@ -25,6 +26,7 @@ from pseudolidar.sources.source import (
     SourceSummary,
     pairs_of,
 )
+from pseudolidar.sources.swapped import SwappedSource
 from pseudolidar.sources.tum_depth import TumDepth
 from pseudolidar.sources.video.videos import Video
 from pseudolidar.structures.camera import StereoRig
@@ -41,6 +43,7 @@ def opened_with_rig(
     *,
     scale_calibration: bool = False,
     unit: RigUnit | None = None,
+    swap: bool = False,
 ) -> FrameSequence[Frame]:
     """Open a source; where a calibration is given, with that in place of its own.
 
@@ -51,11 +54,14 @@ def opened_with_rig(
         rig: a calibration of any known form, or None.
         scale_calibration: scale it to the images where they have another size.
         unit: of its lengths, for files that do not say it.
+        swap: exchange left and right pictures.
 
     Raises:
         PseudolidarError: what opening the source, reading the file, or `with_rig` raises.
     """
-    source = opened_as_taken(settings, rig, scale_calibration=scale_calibration, unit=unit)
+    source = opened_as_taken(
+        settings, rig, scale_calibration=scale_calibration, unit=unit, swap=swap
+    )
     return with_rows_aligned(source)
 
 
@@ -65,8 +71,16 @@ def opened_as_taken(
     *,
     scale_calibration: bool = False,
     unit: RigUnit | None = None,
+    swap: bool = False,
 ) -> FrameSequence[Frame]:
     """As `opened_with_rig`, with the pictures as they are: for what fits a new row correction."""
+    source = _opened(settings, rig, scale_calibration=scale_calibration, unit=unit)
+    return SwappedSource(pairs_of(source)) if swap else source
+
+
+def _opened(
+    settings: SourceSettings, rig: Path | None, *, scale_calibration: bool, unit: RigUnit | None
+) -> FrameSequence[Frame]:
     if isinstance(settings, Folders | Video):
         own = settings if unit is None else replace(settings, rig_unit=unit)
         if rig is not None:
@@ -179,6 +193,15 @@ class RiggedSource:
             T_left_velodyne=own.T_left_velodyne or rig.T_left_velodyne,
             T_velodyne_imu=own.T_velodyne_imu or rig.T_velodyne_imu,
         )
+
+
+def replaced_rig(source: FrameSequence[Frame]) -> StereoRig | None:
+    """The source's own rig, where another one replaces it."""
+    if isinstance(source, RiggedSource):
+        return source.source.rig
+    if isinstance(source, SwappedSource | SelectedSource | AlignedRows):
+        return replaced_rig(source.source)
+    return None
 
 
 def _on_body(frame: StereoFrame, rig: StereoRig) -> Pose | None:

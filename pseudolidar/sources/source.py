@@ -138,11 +138,15 @@ def clouds_of(source: FrameSequence[Frame]) -> FrameSequence[RecordedCloud]:
     return cast("FrameSequence[RecordedCloud]", source)
 
 
+def evenly_placed(frames: int, *, most: int) -> tuple[int, ...]:
+    """Up to `most` positions from the first of `frames` to the last."""
+    steps = max(1, min(frames, most) - 1)
+    return tuple(sorted({(frames - 1) * step // steps for step in range(min(frames, most))}))
+
+
 def evenly_loaded(source: FrameSequence[AnyFrame], *, most: int) -> Iterator[AnyFrame]:
     """Up to `most` frames from the first to the last; those that cannot be read are left out."""
-    frames = len(source.ids)
-    steps = max(1, min(frames, most) - 1)
-    for index in sorted({(frames - 1) * step // steps for step in range(min(frames, most))}):
+    for index in evenly_placed(len(source.ids), most=most):
         try:
             yield source.load(index)
         except PseudolidarError:

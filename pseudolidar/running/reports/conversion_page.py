@@ -122,7 +122,8 @@ def _preview(folder: Path) -> list[Section]:
 
 
 def _notes(result: RunResult) -> list[Section]:
-    lines = [("note", note) for note in result.source.notes]
+    lines = [("warning", text) for text in result.warnings]
+    lines += [("note", note) for note in result.source.notes]
     lines += [("absent", name) for name in result.source.absent]
     odd: dict[str, int] = {}
     for record in result.committed:

@@ -1,0 +1,220 @@
+"""Tell whether pairs and calibration fit together: eyes, rows, units, exposure, time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from pseudolidar.calibration.check_finding import SUREST, Finding, percent
+from pseudolidar.errors import ALL_DONE, MapScale, PseudolidarError, SourceEmpty, printable
+from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.field_markers import RUN_ONLY, Recognised
+from pseudolidar.running.given import GivenSettings, given_maps
+from pseudolidar.running.preflight import SourceCheck, check_source
+from pseudolidar.running.table import table_text
+from pseudolidar.sources.other_rig import opened_with_rig
+from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.selection import FrameSelection, select
+from pseudolidar.sources.source import FrameSequence, FrameSource, pairs_of
+from pseudolidar.stereo.given_maps import StoredSteps
+
+MARKS = {"stop": "STOP", "warn": "warn", "note": "note", "good": "ok", "unknown": "?"}
+MAPS = "given maps"
+
+
+@dataclass(frozen=True)
+class Check:
+    """Tell whether the pairs of SOURCE and its calibration fit together.
+
+    Each pair is matched without trusting its rows. Swapped eyes, rows that are off (shifted,
+    rolled, scaled), one picture on both sides, another image size, a baseline in mm, the focal
+    length of another matrix, different exposures, pictures of two moments: what was seen, how sure
+    that is, and what mends it. `convert` and `evaluate` do so before their first frame.
+
+    Exit code 3 where something would stop a run, else 0.
+
+        pseudolidar check 2011_09_26_drive_0002_sync
+        pseudolidar check pictures --rig rig.json --picture check.png
+        pseudolidar check training --frames 0::10 --json
+
+    Args:
+        source: data with pairs.
+        frames: these pairs, slices 100:400:2, ids 13,35, or @FILE with such items; by default the
+            first, the middle and the last.
+        exclude: not these.
+        rig: calibration that replaces the source's cameras.
+        rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
+        scale_calibration: scale the calibration where images have another size.
+        swap: exchange left and right pictures.
+        disparity: disparity maps that somebody else made: are they in the scale they are read in?
+        depth: the same with depth maps.
+        map_scale: steps a px or m of such maps: auto, 256, 16 (OpenCV), 1000 (mm), 5000 (TUM), 1.
+        picture: draw the matches of the pairs into this PNG, coloured by how far rows are off.
+        workers: pairs looked at at the same time; by default one per core.
+    """
+
+    source: Annotated[Source, Recognised(recognise)]
+    frames: FrameSelection | None = None
+    exclude: FrameSelection | None = None
+    rig: Path | None = None
+    rig_unit: RigUnit | None = None
+    scale_calibration: bool = False
+    swap: bool = False
+    disparity: Path | None = None
+    depth: Path | None = None
+    map_scale: StoredSteps = field(default_factory=StoredSteps)
+    picture: Path | None = None
+    workers: Annotated[int | None, RUN_ONLY] = None
+
+
+def run(job: Check) -> CheckReport:
+    """Look at the pairs that are asked for, and at those around them.
+
+    Raises:
+        NoPairs: the source has none.
+        SourceEmpty: not one of the pairs could be read.
+    """
+    source = opened(job)
+    every = range(len(source.ids)) if job.frames is not None else None
+    check = check_source(source, every, crew=CrewPlan(job.workers), neighbours=True)
+    if not check.pairs and check.error is None:
+        raise unreadable(check)
+    maps = maps_found(job, source)
+    if job.picture is not None:
+        draw(job.picture, check, source)
+    return CheckReport(check, (*check.findings, *maps), job.picture)
+
+
+def opened(job: Check) -> FrameSource:
+    """The pairs that are asked for, with the rig that is asked for."""
+    whole: FrameSequence[Any] = opened_with_rig(
+        job.source,
+        job.rig,
+        scale_calibration=job.scale_calibration,
+        unit=job.rig_unit,
+        swap=job.swap,
+    )
+    return pairs_of(select(whole, job.frames, job.exclude))
+
+
+def maps_found(job: Check, source: FrameSource) -> tuple[Finding, ...]:
+    """What the pictures say of the maps that are given with them; nothing without maps."""
+    wanted = GivenSettings(job.disparity, job.depth, job.map_scale, check=True, sigma_px=None)
+    try:
+        given = given_maps(wanted, source)
+    except MapScale as error:
+        return (Finding(MAPS, "stop", error.got, SUREST, error.fix),)
+    if given is None:
+        return ()
+    return (Finding(MAPS, "good", "they lead to the same places in the right pictures"),)
+
+
+def unreadable(check: SourceCheck) -> PseudolidarError:
+    """Why there is nothing to be looked at."""
+    if check.failed:
+        return check.failed[0].error
+    return SourceEmpty("no pair", want="a source of pairs", path=check.path)
+
+
+def draw(path: Path, check: SourceCheck, source: FrameSource) -> None:
+    """Draw the matches of every pair that was looked at, one below the other.
+
+    Raises:
+        OutputError: the picture cannot be written.
+    """
+    from pseudolidar.evaluation.match_picture import match_picture
+    from pseudolidar.formats.atomic import write_atomic
+    from pseudolidar.formats.pictures.image import encode_png
+
+    panels = []
+    for pair in check.pairs:
+        frame = source.load(source.ids.index(pair.id))
+        title = f"{pair.id}: {len(pair.matches)} matches, {int(pair.inliers.sum())} agree"
+        panels.append(
+            match_picture(
+                frame.left,
+                frame.right,
+                pair.matches.left_px,
+                pair.matches.right_px,
+                pair.inliers,
+                title=title,
+            )
+        )
+    width = max(panel.shape[1] for panel in panels)
+    padded = [np.pad(p, ((0, 0), (0, width - p.shape[1]), (0, 0))) for p in panels]
+    write_atomic(path, encode_png(np.vstack(padded)))
+
+
+@dataclass(frozen=True, eq=False)
+class CheckReport:
+    """What was found.
+
+    Args:
+        check: of the source.
+        findings: of its pairs together, and of maps.
+        picture: where the matches are drawn, if they are.
+    """
+
+    check: SourceCheck
+    findings: tuple[Finding, ...]
+    picture: Path | None
+
+    @property
+    def exit_code(self) -> int:
+        """3 where something would stop a run, else 0."""
+        stops = any(finding.severity == "stop" for finding in self.findings)
+        return PseudolidarError.exit_code if stops else ALL_DONE
+
+    def as_dict(self) -> dict[str, Any]:
+        """Findings of all pairs together, and of each."""
+        return {
+            "source": self.check.source,
+            "path": self.check.path,
+            "stops": self.exit_code != ALL_DONE,
+            "findings": [finding.as_dict() for finding in self.findings],
+            "pairs": [
+                {"id": pair.id, "findings": [finding.as_dict() for finding in pair.findings]}
+                for pair in self.check.pairs
+            ],
+            "unreadable": [
+                {"id": frame.id, "reason": str(frame.error)} for frame in self.check.failed
+            ],
+            "picture": None if self.picture is None else str(self.picture),
+        }
+
+    def text(self) -> str:
+        """A table of the findings, and what to do."""
+        pairs = ", ".join(pair.id for pair in self.check.pairs)
+        lines = [self.check.source, f"pairs looked at: {pairs}" if pairs else "no pair fits"]
+        rows = [
+            (MARKS[f.severity], f.name, f.text, "" if f.sure is None else percent(f.sure))
+            for f in self.findings
+        ]
+        lines.append(table_text(rows, header=("", "what", "seen", "sure")))
+        lines += [f"{frame.id} cannot be read: {frame.error}" for frame in self.check.failed]
+        mends = {f.name: f.mend for f in self.findings if f.mend}
+        if mends:
+            lines.append(f"What to do:\n{table_text(list(mends.items()))}")
+        lines.append(self._verdict())
+        if self.picture is not None:
+            lines.append(f"  {self.picture}")
+        return "\n".join(printable_lines(lines))
+
+    def _verdict(self) -> str:
+        by = {s: [f.name for f in self.findings if f.severity == s] for s in MARKS}
+        if by["stop"]:
+            return f"A run would stop: {', '.join(by['stop'])}."
+        if by["warn"]:
+            return f"A run would warn: {', '.join(by['warn'])}."
+        if any(f.severity == "good" and f.name == "rows" for f in self.findings):
+            return "Pairs and calibration fit together."
+        return "Nothing is wrong that could be seen; the pairs do not show whether rows correspond."
+
+
+def printable_lines(lines: list[str]) -> list[str]:
+    """Lines without what a terminal would act on; names of files may hold anything."""
+    return [printable(part) for line in lines for part in line.splitlines()]

@@ -1,0 +1,204 @@
+"""The calibration doctor before a run: a few pairs are looked at, as the run will look at them."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from pseudolidar.calibration.check import PairCheck, check_pair, combined, stopping
+from pseudolidar.calibration.check_eyes import EYES
+from pseudolidar.calibration.check_finding import SUREST, Finding
+from pseudolidar.errors import CalibrationSizeMismatch, PseudolidarError, printable
+from pseudolidar.running.crew.attempt import Done, Skipped
+from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.crew.in_flight import InFlight
+from pseudolidar.running.stream import stream
+from pseudolidar.sources.other_rig import replaced_rig
+from pseudolidar.sources.selection import whole
+from pseudolidar.sources.source import FrameSequence, evenly_placed, pairs_of
+from pseudolidar.sources.swapped import EXCHANGED
+from pseudolidar.structures.arrays import Image
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.recorded import Frame
+
+_log = logging.getLogger(__name__)
+SIZE, DATE = "size", "date of calibration"
+# Pairs that are looked at: the first, the middle, the last.
+LOOKED_AT = 3
+# Looking at a pair takes 0.2 s; one that is not there in this time will be missed in its turn.
+CHECK_TIMEOUT_S = 20.0
+# What a source says of a calibration that is of another day begins like this.
+WARNING = "warning: "
+
+
+@dataclass(frozen=True)
+class CheckFrame:
+    """Looks at one pair; pure, picklable.
+
+    Args:
+        own_rig: the source's own rig, where another one replaces it.
+        neighbours: where the pictures before and after come from; None to look at the pair alone.
+    """
+
+    own_rig: StereoRig | None = None
+    neighbours: FrameSequence[StereoFrame] | None = None
+
+    def __call__(self, frame: StereoFrame) -> PairCheck:
+        """Everything that the pair shows."""
+        before, after = self._right_of(frame.index - 1), self._right_of(frame.index + 1)
+        return check_pair(frame, own_rig=self.own_rig, before=before, after=after)
+
+    def _right_of(self, index: int) -> Image | None:
+        if self.neighbours is None or not 0 <= index < len(self.neighbours.ids):
+            return None
+        try:
+            return self.neighbours.load(index).right
+        except PseudolidarError:
+            return None  # it is refused in its turn
+
+
+@dataclass(frozen=True, eq=False)
+class SourceCheck:
+    """What the pairs of a source show together.
+
+    Args:
+        findings: one for each thing that was looked at.
+        pairs: what each pair shows.
+        failed: pairs that could not be looked at.
+        source: what was looked at, one line.
+        path: of it.
+    """
+
+    findings: tuple[Finding, ...]
+    pairs: tuple[PairCheck, ...]
+    failed: tuple[Skipped, ...]
+    source: str
+    path: str
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for each finding that is worth one."""
+        return tuple(finding.line for finding in self.findings if finding.severity == "warn")
+
+    @property
+    def error(self) -> PseudolidarError | None:
+        """What stops a run on this source."""
+        for frame in self.failed:
+            if isinstance(frame.error, CalibrationSizeMismatch) and not self.pairs:
+                return frame.error
+        error = stopping(self.findings)
+        pairs = ", ".join(pair.id for pair in self.pairs)
+        return error and error.located(self.path, f"frames {pairs}")
+
+
+def check_source(
+    source: FrameSequence[Frame],
+    indices: Sequence[int] | None = None,
+    *,
+    crew: CrewPlan,
+    neighbours: bool = False,
+    in_flight: InFlight | None = None,
+) -> SourceCheck:
+    """Look at some pairs of a source.
+
+    Args:
+        source: of pairs.
+        indices: which; by default the first, the middle and the last.
+        crew: how frames are done: a picture that crashes or hangs a library does so here, too.
+        neighbours: look at the pictures before and after each of them, too; else only where
+            that could explain what a pair shows.
+        in_flight: where the frames are noted that could take this process with them.
+
+    Raises:
+        NoPairs: the source has none.
+    """
+    pairs = pairs_of(source)
+    chosen = evenly_placed(len(pairs.ids), most=LOOKED_AT) if indices is None else indices
+    crew = replace(
+        crew,
+        workers=1 if crew.isolate else min(crew.count, max(1, len(chosen))),
+        timeout_s=min(crew.timeout_s, CHECK_TIMEOUT_S),
+    )
+    own_rig, around = replaced_rig(source), pairs_of(whole(source))
+    alone, beside = CheckFrame(own_rig), CheckFrame(own_rig, around)
+    checked: dict[str, PairCheck] = {}
+    failed: list[Skipped] = []
+
+    def look(names: Sequence[str], at: CheckFrame) -> None:
+        others = frozenset(pairs.ids) - frozenset(names)
+        for outcome in stream(pairs, at, crew=crew, skip=others, in_flight=in_flight):
+            if isinstance(outcome, Done):
+                checked[outcome.id] = outcome.value
+            elif outcome.index is not None and outcome.id not in checked:
+                failed.append(outcome)
+
+    look([pairs.ids[index] for index in chosen], beside if neighbours else alone)
+    suspicious = [name for name, pair in checked.items() if pair.suspicious]
+    if suspicious:
+        look(suspicious, beside)
+    found = list(checked.values())
+    if EXCHANGED in source.summary.notes:
+        found = [replace(pair, findings=_not_swapped(pair.findings)) for pair in found]
+    findings = (*_sizes(pairs.rig, found, failed), *_dates(source), *combined(found))
+    summary = source.summary
+    return SourceCheck(findings, tuple(found), tuple(failed), summary.line, summary.path)
+
+
+def preflight(
+    source: FrameSequence[Frame],
+    *,
+    wanted: bool,
+    crew: CrewPlan,
+    in_flight: InFlight | None = None,
+) -> tuple[str, ...]:
+    """Look at the first, the middle and the last pair before a run; the warnings, which are logged.
+
+    Sources of other things than pairs and rendered worlds are not looked at.
+
+    Raises:
+        PairSwapped, NotRectified, CalibrationSizeMismatch: the pairs would make no metres.
+    """
+    if not wanted or source.yields is not StereoFrame or source.summary.kind == "synthetic":
+        return ()
+    check = check_source(source, crew=crew, in_flight=in_flight)
+    for line in check.warnings:
+        _log.warning("check: %s", printable(line))
+    if check.error is not None:
+        raise check.error
+    return check.warnings
+
+
+def _not_swapped(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+    """What to do about swapped eyes where they are swapped already."""
+    return tuple(
+        replace(f, mend="Leave --swap out.") if f.name == EYES and f.severity == "stop" else f
+        for f in findings
+    )
+
+
+def _sizes(
+    rig: StereoRig, found: Sequence[PairCheck], failed: Sequence[Skipped]
+) -> tuple[Finding, ...]:
+    width, height = rig.left.size_px
+    wrong = [frame for frame in failed if isinstance(frame.error, CalibrationSizeMismatch)]
+    if not wrong:
+        if not found:
+            return ()
+        width, height = found[0].matches.size_px
+        return (Finding(SIZE, "good", f"{width}x{height}, as the calibration"),)
+    error = wrong[0].error
+    text = f"{error.got}; the calibration is for {error.want}"
+    if found:
+        text += f"; {len(wrong)} of {len(wrong) + len(found)} pairs"
+    severity, sure = ("warn", SUREST) if found else ("stop", SUREST)
+    return (Finding(SIZE, severity, text, sure, error.fix),)  # type: ignore[arg-type]
+
+
+def _dates(source: FrameSequence[Frame]) -> tuple[Finding, ...]:
+    notes = [note for note in source.summary.notes if note.startswith(WARNING)]
+    return tuple(
+        Finding(DATE, "warn", note.removeprefix(WARNING), None, "Give the rig of that day.")
+        for note in notes
+    )
