@@ -4,6 +4,7 @@ import json
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -13,6 +14,11 @@ from pseudolidar.cli import main
 from pseudolidar.formats.pictures.disparity_png import write_disparity_png
 from pseudolidar.formats.pictures.image import read_image
 from pseudolidar.formats.rigs.rig_json import write_rig
+from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.preflight import DATE, check_source
+from pseudolidar.sources.other_rig import with_rig
+from pseudolidar.sources.recognise import recognise
+from pseudolidar.sources.source import pairs_of
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.disparity import DisparityMap
 from tests.perturbed import warped
@@ -32,7 +38,7 @@ def room(tmp_path_factory):
         frame = source.load(index)
         for eye, image in (("left", frame.left), ("right", frame.right)):
             cv2.imwrite(str(folder / eye / f"{index:06d}.png"), image[..., ::-1])
-    write_rig(folder / "rig.json", source.rig)
+    write_rig(folder / "rig.json", replace(source.rig, origin="bench, 2026-11-01"))
     return folder
 
 
@@ -219,6 +225,26 @@ def test_damaged_pictures_are_named_and_the_others_looked_at(own_room, capsys):
         path.write_bytes(b"no picture")
     code, answer = told(capsys, "check", own_room)
     assert (code, answer["error"]["code"]) == (3, "ImageUnreadable")
+
+
+def test_a_rig_of_another_day_is_a_warning(room):
+    source = pairs_of(recognise(str(room)).open())
+    for origin, severities in (("bench, 2020-01-02", ["warn"]), ("bench, 2026-11-01", [])):
+        given = with_rig(source, replace(source.rig, origin=origin))
+        check = check_source(given, [0], crew=CrewPlan(1))
+        assert [f.severity for f in check.findings if f.name == DATE] == severities
+        assert check.error is None
+        assert len(check.warnings) == len(severities)
+
+
+def test_the_focal_length_of_another_matrix_is_a_warning(room):
+    source = pairs_of(recognise(str(room)).open())
+    K = source.rig.left.K.copy()
+    K[0, 0] = K[1, 1] = 1.33 * K[0, 0]
+    own = source.rig
+    other = replace(own, left=replace(own.left, K=K), right=replace(own.right, K=K))
+    (line,) = check_source(with_rig(source, other), [0], crew=CrewPlan(1)).warnings
+    assert line.startswith("focal length: ")
 
 
 def test_help_imports_nothing_heavy():

@@ -233,7 +233,7 @@ def _date_note(drive: Path, calibration: KittiCalibration) -> tuple[str, ...]:
     own = _date_of(drive)
     if not own or not calibration.date or own == calibration.date:
         return ()
-    return (f"calibration: of {calibration.date}, while the drive is of {own}",)
+    return (f"warning: the calibration is of {calibration.date}, the drive of {own}",)
 
 
 def _date_of(folder: Path) -> str:
