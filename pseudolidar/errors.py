@@ -151,6 +151,8 @@ class PairIdentical(PseudolidarError):
 class PairSwapped(PseudolidarError):
     """The left picture is the right eye's."""
 
+    advice = "Pass --swap, or store the pictures the other way round."
+
 
 class NotRectified(PseudolidarError):
     """Rows of the pair are not aligned."""
