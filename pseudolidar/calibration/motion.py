@@ -30,7 +30,11 @@ class Motion:
 
     def __post_init__(self) -> None:
         if self.gap < 1 or self.most < 1:
-            raise UsageError(f"gap {self.gap}, most {self.most}", want="1 or more of each")
+            raise UsageError(
+                f"gap {self.gap}, most {self.most}",
+                want="1 or more of each",
+                fix="Leave them out: 3 and 60 are right for 10 frames a second.",
+            )
 
     def starts(self, frames: int) -> tuple[int, ...]:
         """First frames of the motions that are used of a sequence of so many frames."""
@@ -62,13 +66,21 @@ class MotionEstimator:
         self._rig, self._gap, self._starts = rig, gap, starts
         self._recent: deque[_Seen] = deque(maxlen=gap + 1)
         self._motions: list[RelativePose] = []
+        self._surveyed: list[Float64] = []
         self._far: list[Float64] = []
         self._frames = 0
 
-    def add(self, position: int, pair: MatchedPair) -> None:
-        """Look at the frame at `position`; frames may be left out, and tell nothing then."""
+    def add(self, position: int, pair: MatchedPair, T_map_left: Float64 | None = None) -> None:
+        """Look at a frame.
+
+        Args:
+            position: in the sequence; frames may be left out, and tell nothing then.
+            pair: its pictures.
+            T_map_left: (4, 4) where the left camera was, if somebody else knows. It is not used,
+                only compared with.
+        """
         self._frames += 1
-        seen = _Seen(position, pair, np.eye(4), np.eye(4))
+        seen = _Seen(position, pair, np.eye(4), np.eye(4), T_map_left)
         before = self._recent[-1] if self._recent else None
         if before is None or before.position != position - 1:
             self._recent.clear()
@@ -78,7 +90,7 @@ class MotionEstimator:
                 self._recent.clear()
             else:
                 T = step.T_to_from
-                seen = _Seen(position, pair, T, T @ before.T_chain)
+                seen = _Seen(position, pair, T, T @ before.T_chain, T_map_left)
                 self._far.append(far_disparities(before.pair, pair, self._rig, T))
         self._recent.append(seen)
         first = self._recent[0]
@@ -87,6 +99,8 @@ class MotionEstimator:
             motion = precise_pose(first.pair, pair, self._rig, T_to_from)
             if motion is not None:
                 self._motions.append(motion)
+                if first.T_map_left is not None and T_map_left is not None:
+                    self._surveyed.append(np.linalg.inv(T_map_left) @ first.T_map_left)
 
     def fit(self) -> MotionFit:
         """The offset of all that was seen.
@@ -100,6 +114,7 @@ class MotionEstimator:
             frames=self._frames,
             gap=self._gap,
             far=FarPoints.of(self._far),
+            surveyed=self._surveyed,
         )
 
 
@@ -112,9 +127,11 @@ class _Seen:
         pair: its pictures.
         T_step: (4, 4) motion from the frame before.
         T_chain: (4, 4) motion from the start of the chain of steps.
+        T_map_left: (4, 4) where the camera was, if somebody else knows.
     """
 
     position: int
     pair: MatchedPair
     T_step: Float64
     T_chain: Float64
+    T_map_left: Float64 | None

@@ -50,7 +50,11 @@ class Rows:
 
     def __post_init__(self) -> None:
         if self.most < MIN_FRAMES:
-            raise UsageError(f"most {self.most}", want=f"{MIN_FRAMES} frames or more")
+            raise UsageError(
+                f"most {self.most}",
+                want=f"{MIN_FRAMES} frames or more",
+                fix="Leave it out for 40.",
+            )
 
     def needed(self, frames: int) -> tuple[int, ...]:
         """Positions of the frames that are used of so many."""

@@ -12,6 +12,7 @@ from pseudolidar.calibration.motion import Motion
 from pseudolidar.calibration.motion_fit import MotionFit
 from pseudolidar.calibration.rows import RowFit, RowPoints, Rows, fit_rows, row_points
 from pseudolidar.errors import ALL_DONE, SOME_SKIPPED, CalibrationValue
+from pseudolidar.geometry.frames import left_in_base_link
 from pseudolidar.geometry.rows import rows_aligned
 from pseudolidar.geometry.tracking import MatchedPair
 from pseudolidar.running.bad_frames import OnError, good_frames
@@ -21,6 +22,7 @@ from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.source import FrameSource
 from pseudolidar.stereo.matcher import StereoMatcher
+from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import StereoFrame
 
@@ -37,11 +39,13 @@ class LookedAt:
     Args:
         pair: its pictures and disparities, where motion is looked for.
         points: where rows are looked at.
+        T_map_left: (4, 4) where the left camera was, if the source knows.
         density: share of its pixels that have a disparity.
     """
 
     pair: MatchedPair | None
     points: RowPoints | None
+    T_map_left: Float64 | None
     density: float
 
 
@@ -81,7 +85,11 @@ class LookAt:
         disparity = self.matcher(frame)
         pair = MatchedPair.of(frame, disparity)
         points = row_points(pair) if frame.index in self.rows else None
-        return LookedAt(pair if self.motion else None, points, float(disparity.valid.mean()))
+        T_map_left = None
+        if frame.pose is not None:
+            T_map_left = (frame.pose @ left_in_base_link(frame.rig)).matrix
+        followed = pair if self.motion else None
+        return LookedAt(followed, points, T_map_left, float(disparity.valid.mean()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +186,7 @@ def refined_by_pictures(
         ):
             progress.advance()
             if estimator is not None and frame.value.pair is not None:
-                estimator.add(frame.index, frame.value.pair)
+                estimator.add(frame.index, frame.value.pair, frame.value.T_map_left)
             if frame.value.points is not None:
                 points.append(frame.value.points)
                 tried.append((frame.index, frame.value.density))

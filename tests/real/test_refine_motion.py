@@ -10,6 +10,7 @@ import pytest
 from pseudolidar.calibration.motion import Motion
 from pseudolidar.calibration.motion_fit import MotionFit
 from pseudolidar.calibration.rows import fit_rows, row_points
+from pseudolidar.geometry.frames import left_in_base_link
 from pseudolidar.geometry.projection import project_scan
 from pseudolidar.geometry.rows import rows_aligned
 from pseudolidar.geometry.tracking import MatchedPair
@@ -36,8 +37,9 @@ class Drive:
 
     def motion(self) -> MotionFit:
         estimator = Motion().load(self.frames[0].rig, len(self.frames))
-        for position, pair in enumerate(self.pairs):
-            estimator.add(position, pair)
+        for position, (frame, pair) in enumerate(zip(self.frames, self.pairs, strict=True)):
+            survey = frame.pose and (frame.pose @ left_in_base_link(frame.rig)).matrix
+            estimator.add(position, pair, survey)
         return estimator.fit()
 
 
@@ -53,16 +55,17 @@ def raw(real_data):
 
 @pytest.mark.real
 def test_the_offset_of_odometry_06(odometry):
-    """Surveyed poses, held fixed, give -0.095 px and a bend of -1.02 (all 51 frames)."""
+    """Against surveyed poses: all 51 frames give -0.095 px and a bend of -1.02."""
     fit = odometry.motion()
-    assert fit.offset_px == pytest.approx(-0.095, abs=2 * fit.sigma_px)
+    assert fit.by_poses_px == (pytest.approx(-0.095, abs=0.06), pytest.approx(-1.02, abs=0.3))
+    assert fit.offset_px == pytest.approx(fit.by_poses_px[0], abs=2 * fit.sigma_px)
     assert fit.sigma_px < 0.08
     assert fit.bend_px == pytest.approx(-1.02, abs=0.3)
     assert fit.step_m == pytest.approx(3.6, abs=0.1)
 
 
 @pytest.mark.real
-def test_the_offset_of_drive_0002_halves_the_far_bias(raw):
+def test_the_offset_of_drive_0002_takes_far_bias_away(raw):
     """Velodyne on 22 frames of other drives: -0.47 px at the centre, -1.17 x^2 to the sides."""
     fit = raw.motion()
     assert fit.offset_px == pytest.approx(-0.47, abs=fit.sigma_px)
