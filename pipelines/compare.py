@@ -8,13 +8,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, cast, get_args
 
-from pseudolidar.errors import PseudolidarError, UsageError
+from pseudolidar.errors import EnvironmentFault, PseudolidarError, SourceUnknown, UsageError
 from pseudolidar.evaluation.compared import ComparedFrame, against_scan, against_truth
 from pseudolidar.evaluation.comparison.bins import DEFAULT_BINS, DepthBins
 from pseudolidar.evaluation.comparison.comparison import compare_frames
+from pseudolidar.evaluation.comparison.pooled import pooled
 from pseudolidar.formats.mcap.content import McapContent
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.running.bad_frames import OnError, good_frames
+from pseudolidar.running.comparing.drives import Drives, drives_below, recognise_drives
 from pseudolidar.running.comparing.gathered import AGAINST, Gathered, Judged, Missing, bare
 from pseudolidar.running.comparing.other import other_reference
 from pseudolidar.running.comparing.references import SCAN, OwnKind, OwnReference, Reference, kind_of
@@ -33,8 +35,14 @@ from pseudolidar.running.products.product import Product
 from pseudolidar.running.products.recording import RecordingPlan
 from pseudolidar.running.products.trees import Trees
 from pseudolidar.running.progress import FrameProgress
-from pseudolidar.running.reports.comparison_files import RESULTS, write_comparison
+from pseudolidar.running.reports.comparison_files import (
+    RESULTS,
+    comparison_csv,
+    drives_csv,
+    write_comparison,
+)
 from pseudolidar.running.reports.comparison_report import ComparisonReport
+from pseudolidar.running.reports.drives_report import DrivesReport
 from pseudolidar.running.reports.samples import sampled_frames
 from pseudolidar.running.results import RunResult, Stopwatch
 from pseudolidar.running.run import Run
@@ -92,12 +100,15 @@ class Compare:
         pseudolidar compare 2011_09_26_drive_0002_sync out
         pseudolidar compare training --frames 0::2 --bins 0,10,20,40 --json
         pseudolidar compare drive.mcap other.mcap
+        pseudolidar compare KITTI/2011_09_26 out/all --all
         pseudolidar compare training out --reference network_disparities --to pcd,together
 
     Args:
         source: data with LiDAR scans or ground-truth disparities, as for `convert`.
         out_or_b: output folder, or another source to compare with.
         out: output folder, for certain.
+        all: compare every drive, sequence and recording below the folder SOURCE, with one table;
+            each has a folder of its own in OUT.
         reference: with what: scan, truth, auto (scans where there are some, else truth), or the
             path of another source or of disparity maps, paired by name, number or time.
         bins: edges of the ranges, whole metres.
@@ -131,9 +142,10 @@ class Compare:
         overwrite: start anew, even where OUT holds a run with other settings.
     """
 
-    source: Annotated[Source, Recognised(recognise)]
+    source: Annotated[Source | Drives, Recognised(recognise_drives)]
     out_or_b: Annotated[str | None, POSITIONAL] = None
     out: Annotated[Path | None, RUN_ONLY] = None
+    all: bool = False
     reference: str = "auto"
     bins: DepthBins = DEFAULT_BINS
     to: ComparedOutputs = field(default_factory=lambda: ComparedOutputs(("pcd",)))
@@ -186,11 +198,21 @@ class Compare:
         return " + ".join([self.given.text or described(self.matcher), *names])
 
 
-def run(job: Compare) -> ComparisonReport:
-    """Match and compare every frame; then figures, intervals, causes."""
+def run(job: Compare) -> ComparisonReport | DrivesReport:
+    """Compare a source, or all drives of a folder."""
     job = placed(job)
+    return run_all(job) if job.all else run_one(job)
+
+
+def run_one(job: Compare, *, most: int = MAX_POINTS) -> ComparisonReport:
+    """Match and compare every frame; then figures, intervals, causes.
+
+    Args:
+        job: with its places settled.
+        most: reference points to keep of all frames together.
+    """
     source = opened(job)
-    per_frame = CompareFrame.of(job, source)
+    per_frame = CompareFrame.of(job, source, most=most)
     missing = Missing(source.summary.line, source.summary.path, tried=FRAMES_TRIED)
     if job.out is None:
         gathered = told(job, source, per_frame, missing)
@@ -201,7 +223,7 @@ def run(job: Compare) -> ComparisonReport:
     compared = compare_frames(
         gathered.frames,
         subject=f"{job.matched_by} on {source.summary.line}",
-        reference=gathered.words if job.owned else f"{job.reference} ({gathered.words})",
+        reference=gathered.words if job.owned else job.reference,
         bins=job.bins,
         scanned=job.owned and set(gathered.against) == {SCAN},
     )
@@ -210,7 +232,39 @@ def run(job: Compare) -> ComparisonReport:
     if job.out is None:
         return report
     facts = {"settings": result_settings(job), **report.facts}
-    return replace(report, files=write_comparison(job.out, compared, facts))
+    return replace(report, files=write_comparison(job.out, comparison_csv(compared), facts))
+
+
+def run_all(job: Compare) -> DrivesReport:
+    """Compare every drive of a folder, then all their points together.
+
+    Raises:
+        SourceEmpty: there is no drive.
+        ReferenceMissing: or none that has a reference.
+    """
+    found = drives_below(job.source)
+    reports, failed = dict[str, ComparisonReport](), dict[str, PseudolidarError]()
+    for drive in found:
+        _log.info("drive: %s", drive.name)
+        try:
+            if drive.source is None:
+                raise drive.error or SourceUnknown(drive.name)
+            out = None if job.out is None else job.out / drive.name
+            one = replace(job, source=drive.source, out=out, all=False)
+            reports[drive.name] = run_one(one, most=MAX_POINTS // len(found))
+        except (EnvironmentFault, UsageError):
+            raise
+        except PseudolidarError as error:
+            failed[drive.name] = error
+    if not reports:
+        raise next(iter(failed.values()))
+    comparisons = {name: report.comparison for name, report in reports.items()}
+    report = DrivesReport(reports, failed, pooled(list(comparisons.values())))
+    if job.out is None:
+        return report
+    facts = {"settings": result_settings(job), **report.facts}
+    table = drives_csv(comparisons, report.every)
+    return replace(report, files=write_comparison(job.out, table, facts))
 
 
 def told(
@@ -286,10 +340,10 @@ class CompareFrame:
     encode: ComparedEncoder | None
 
     @classmethod
-    def of(cls, job: Compare, source: FrameSequence[StereoFrame]) -> CompareFrame:
-        """With everything heavy loaded."""
+    def of(cls, job: Compare, source: FrameSequence[StereoFrame], *, most: int) -> CompareFrame:
+        """With everything heavy loaded; `most` is of all frames together."""
         match = MatchFrame.of(job, source)
-        most = max(1, MAX_POINTS // max(1, len(source.ids)))
+        most = max(1, most // max(1, len(source.ids)))
         encode = None
         if job.out is not None:
             sampled = sampled_frames(source.ids)
@@ -382,6 +436,8 @@ def placed(job: Compare) -> Compare:
 def opened(job: Compare) -> FrameSequence[StereoFrame]:
     """The pairs that are asked for, with the rig that is asked for."""
     settings = job.source
+    if isinstance(settings, Drives):
+        settings = recognise(settings.path)  # which says what was looked for
     if isinstance(settings, Recording) and settings.take == "auto":
         with contextlib.suppress(PseudolidarError):  # of clouds, which the next line says
             replace(settings, take="pairs").open()

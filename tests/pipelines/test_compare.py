@@ -15,6 +15,7 @@ from pseudolidar.errors import SOME_SKIPPED
 from pseudolidar.evaluation.comparison.figures import FIGURES
 from pseudolidar.formats.points.cloud_file import read_cloud
 from pseudolidar.formats.points.npz import read_npz
+from pseudolidar.structures.cloud import PointCloud
 
 STREET = ("synthetic:street:4", "--width-px", "480")
 
@@ -157,3 +158,105 @@ def test_bad_frames_are_left_out_and_named(tmp_path, capsys):
             ("0000000001", "ImageUnreadable")
         ]
         assert told["frames"] == 3
+
+
+@pytest.fixture(scope="module")
+def kitti(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with two drives and something else; not to be changed."""
+    root = tmp_path_factory.mktemp("drives")
+    for seed, name in ((1, "one"), (2, "two")):
+        args = ("--frames", "2", "--width-px", "480", "--seed", str(seed))
+        assert main(["synth", str(root / name), *args]) == 0
+    (root / "notes").mkdir()
+    (root / "notes" / "readme.txt").write_text("no drive")
+    return root
+
+
+def test_all_drives_of_a_folder_with_one_table(kitti, tmp_path, capsys):
+    out = tmp_path / "out"
+    told = result(capsys, kitti, out, "--all", "--to", "none")
+    assert [drive["drive"] for drive in told["drives"]] == ["one", "two"]
+    assert told["frames"] == 4
+    assert told["n"] == sum(drive["n"] for drive in told["drives"])
+    alone = result(capsys, kitti / "two")
+    assert told["drives"][1]["bins"] == alone["bins"]
+    with (out / "compare.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["drive"] for row in rows] == [n for n in ("one", "two", "all") for _ in range(6)]
+    assert {path.name for path in out.iterdir() if path.is_dir()} == {"one", "two"}
+    assert compare(kitti, out, "--all", "--to", "none") == 0  # the folder is still OUT
+    table = capsys.readouterr().out
+    assert table.index("\n  one ") < table.index("\n  two ") < table.index("\n  all ")
+
+
+def test_a_folder_of_drives_needs_to_be_asked_for(kitti, capsys):
+    assert compare(kitti) == 3
+    assert "SourceUnknown" in capsys.readouterr().err
+
+
+def test_a_drive_without_reference_is_named_and_the_others_go_on(kitti, tmp_path, capsys):
+    root = tmp_path / "drives"
+    shutil.copytree(kitti / "one", root / "one")
+    shutil.copytree(kitti / "two", root / "two")
+    shutil.rmtree(next(root.glob("two/**/velodyne_points")))
+    told = result(capsys, root, "--all", code=SOME_SKIPPED)
+    assert [drive["drive"] for drive in told["drives"]] == ["one"]
+    assert [(each["drive"], each["code"]) for each in told["failed"]] == [
+        ("two", "ReferenceMissing")
+    ]
+
+
+@pytest.fixture(scope="module")
+def converted(kitti, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Clouds, maps and a recording of the first drive; not to be changed."""
+    out = tmp_path_factory.mktemp("converted") / "out"
+    args = ("--to", "ply,disparity,mcap", "--mcap.images", "png")
+    assert main(["convert", str(kitti / "one"), str(out), *args]) == 0
+    return out
+
+
+@pytest.mark.parametrize("what", ["ply", "disparity", "*.mcap"])
+def test_another_source_as_second_argument_is_compared_with(kitti, converted, capsys, what):
+    other = next(converted.glob(what))
+    told = result(capsys, kitti / "one", other)
+    assert told["reference"] == str(other)
+    assert told["frames"] == 2
+    # the same matcher made them: what is left is rounding of 1/256 px
+    assert told["abs_rel"] < 1e-3
+    assert told["density"] > 0.999
+
+
+def test_errors_of_the_other_source_are_found(kitti, converted, tmp_path, capsys):
+    from pseudolidar.formats.points.ply import write_ply
+
+    for path in sorted((converted / "ply").iterdir()):
+        cloud = read_cloud(path)
+        (tmp_path / "ply").mkdir(exist_ok=True)
+        scaled = PointCloud((cloud.xyz * 1.25).astype(np.float32), cloud.frame, cloud.timestamp_ns)
+        write_ply(tmp_path / "ply" / path.name, scaled)
+    told = result(capsys, kitti / "one", tmp_path / "ply", "--bins", "10,30")
+    # seen from the Velodyne the cloud is a quarter farther away: stereo is a fifth too near
+    assert told["bias_rel"] == pytest.approx(-0.2, abs=0.02)
+
+
+def test_what_the_second_argument_is_taken_for(kitti, converted, tmp_path, capsys):
+    assert compare(kitti / "one", tmp_path / "nowhere.mcap") == 2
+    assert "no such file" in capsys.readouterr().err
+    assert compare(kitti / "one", converted / "ply") == 0
+    assert "compared with" in capsys.readouterr().err
+    out = tmp_path / "out"
+    assert compare(kitti / "one", out, "--to", "ply") == 0
+    assert "results" in capsys.readouterr().err
+    assert compare(kitti / "one", out, "--to", "ply") == 0  # clouds in it, and still OUT
+    assert "results" in capsys.readouterr().err
+    assert compare(kitti / "one", converted / "ply", "--out", tmp_path / "both") == 0
+    stored = json.loads((tmp_path / "both" / "compare.json").read_text())
+    assert stored["reference"] == str(converted / "ply")
+    assert compare(kitti / "one", out, "--out", out, "--reference", "scan") == 2
+
+
+def test_frames_that_do_not_belong_together_are_refused(kitti, tmp_path, capsys):
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "maps" / "other.pfm").write_bytes(b"Pf\n1 1\n-1\n\0\0\0\0")
+    told = result(capsys, kitti / "one", "--reference", tmp_path / "maps", code=3)
+    assert told["error"]["code"] == "SourceEmpty"

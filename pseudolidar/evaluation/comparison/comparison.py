@@ -88,10 +88,7 @@ class Comparison:
             "subject": self.subject,
             "reference": self.reference,
             "frames": len(self.frames),
-            "from_m": self.bins.range_m[0],
-            "to_m": self.bins.range_m[1],
-            **_renamed(self.overall.as_dict()),
-            "bins": [_renamed(figures.as_dict()) for figures in self.by_range],
+            **dict_of(self.bins, self.overall, self.by_range),
             "by_column": [strip.as_dict() for strip in self.by_column],
             "by_disparity": [band.as_dict() for band in self.by_disparity],
             "sparsification": self.sparsification and self.sparsification.as_dict(),
@@ -100,8 +97,20 @@ class Comparison:
         }
 
 
+def dict_of(
+    bins: DepthBins, overall: DepthFigures, by_range: tuple[RangeFigures, ...]
+) -> dict[str, Any]:
+    """Figures of all points at the top, those of every bin under `bins`."""
+    return {
+        "from_m": bins.range_m[0],
+        "to_m": bins.range_m[1],
+        **_renamed(overall.as_dict()),
+        "bins": [_renamed(figures.as_dict()) for figures in by_range],
+    }
+
+
 def _renamed(figures: dict[str, Any]) -> dict[str, Any]:
-    """`reference` says how many points here, and what they are at the top."""
+    # `reference` counts points there; at the top it says what was compared with.
     return {"reference_points" if k == "reference" else k: v for k, v in figures.items()}
 
 

@@ -33,10 +33,15 @@ def is_source(text: str) -> bool:
             want = "an output folder, or another source to compare with"
             raise UsageError("no such file", want=want, path=text)
         return False
-    if (path / JSON_NAME).exists() or (path / COMPARED_FOLDER).exists():
+    if (path / JSON_NAME).exists() or _has_compared(path):
         return False
     try:
         recognise(text)
     except SourceUnknown:
         return is_maps(path)
     return True
+
+
+def _has_compared(path: Path) -> bool:
+    """Whether `compare` has begun to write there, of one drive or of several."""
+    return (path / COMPARED_FOLDER).exists() or any(path.glob(f"*/{COMPARED_FOLDER}"))

@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from pseudolidar import __version__
 from pseudolidar.evaluation.comparison.comparison import Comparison
 from pseudolidar.evaluation.comparison.figures import FIGURES, DepthFigures, RangeFigures
+from pseudolidar.evaluation.comparison.pooled import PooledFigures
 from pseudolidar.formats.atomic import write_atomic
 
 JSON_NAME, CSV_NAME = "compare.json", "compare.csv"
@@ -37,23 +38,42 @@ def comparison_csv(compared: Comparison) -> bytes:
     Each frame's last row, and the last of all, are of all its points from the first bin to the
     last. Intervals are known of pooled figures alone.
     """
+    return _table(("frame", "index", "timestamp_ns"), _rows(compared))
+
+
+def drives_csv(drives: Mapping[str, Comparison], every: PooledFigures) -> bytes:
+    """The bytes of `compare.csv` of several drives: a row for every drive and bin, then pooled."""
+    named: list[tuple[str, Comparison | PooledFigures]] = [*drives.items(), (POOLED, every)]
+    rows = [
+        row
+        for name, each in named
+        for row in _bin_rows([name], each.by_range, each.overall, each.bins.range_m)
+    ]
+    return _table(("drive",), rows)
+
+
+def _table(names: tuple[str, ...], rows: Iterable[list[Any]]) -> bytes:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     bounds = [f"{name}_{end}" for name in FIGURES for end in ("low", "high")]
-    names = ("frame", "index", "timestamp_ns", "from_m", "to_m", "reference_points", "n")
-    writer.writerow([*names, *FIGURES, *bounds])
-    writer.writerows(_rows(compared))
+    writer.writerow([*names, "from_m", "to_m", "reference_points", "n", *FIGURES, *bounds])
+    writer.writerows(rows)
     return text.getvalue().encode()
 
 
-def write_comparison(folder: Path, compared: Comparison, facts: dict[str, Any]) -> list[Path]:
+def write_comparison(folder: Path, table: bytes, facts: dict[str, Any]) -> list[Path]:
     """Write both files, the table first: where there is a `compare.json`, all is there.
+
+    Args:
+        folder: output folder.
+        table: the bytes of `compare.csv`.
+        facts: plain JSON values.
 
     Raises:
         OutputError: the disk is full or gone.
     """
     paths = [folder / name for name in RESULTS]
-    for path, data in zip(paths, (comparison_csv(compared), comparison_json(facts)), strict=True):
+    for path, data in zip(paths, (table, comparison_json(facts)), strict=True):
         write_atomic(path, data)
     return paths
 
