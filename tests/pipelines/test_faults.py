@@ -1,12 +1,14 @@
 """What a stranger gets for bad input and bad disks, through the command line."""
 
 import json
+import multiprocessing
 import os
 import shutil
 import socket
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import cv2
@@ -21,6 +23,8 @@ from pseudolidar.formats.points.pcd import read_pcd
 from pseudolidar.formats.points.ply import read_ply
 from pseudolidar.formats.rigs.kitti import CAM_TO_CAM, VELO_TO_CAM
 from pseudolidar.running.folder import own_folder
+from tests.formats.mcap.test_reader import BOMBS, MAGIC, Footer, record_bytes
+from tests.formats.test_whole_read import keep_writing
 
 ALL = "pcd,ply,bin,npz,disparity,depth,mcap"
 DEPTH_M = 100.0 * 0.5 / 9  # of the drive in conftest
@@ -211,6 +215,88 @@ def test_a_picture_with_a_long_name(drive, tmp_path, capsys):
     shutil.copy(drive / "rig.json", tmp_path / "d")
     code, report = convert(capsys, tmp_path / "d", tmp_path / "out")
     assert (code, report["committed"]) == (0, 1)
+
+
+# --- texts of other editors, poses, files that change, bombs (rows 28, 44, 53, 66) -------------
+
+
+def test_what_editors_do_to_a_calibration_changes_no_byte(written, raw, tmp_path, capsys):
+    (file,) = raw.rglob(CAM_TO_CAM)
+    lines = file.read_bytes().splitlines()
+    dressed = b"\xef\xbb\xbf" + b"".join(line + b"  \t\r\n" for line in lines)
+    file.write_bytes(dressed)
+    options = ("--to", "pcd", "--frames", "0:1")
+    assert convert(capsys, written, tmp_path / "plain", *options)[0] == 0
+    assert convert(capsys, raw, tmp_path / "dressed", *options)[0] == 0
+    (plain,), (other,) = ((tmp_path / out).rglob("*.pcd") for out in ("plain", "dressed"))
+    assert plain.read_bytes() == other.read_bytes()
+    at = dressed.index(b"P_rect_02")
+    file.write_bytes(dressed[:at] + b"\0" + dressed[at:])
+    error = convert(capsys, raw, tmp_path / "binary", *options)[1]["error"]
+    assert error["code"] == "CalibrationSyntax"
+    assert f"byte {at}" in error["where"]
+
+
+def test_broken_poses_are_told_with_the_row_and_both_counts(tmp_path, capsys):
+    root = tmp_path / "kitti"
+    size = ["--frames", "3", "--width-px", "160", "--height-px", "64"]
+    assert main(["synth", str(root), "--layout", "odometry", *size]) == 0
+    capsys.readouterr()
+    (file,) = root.rglob("poses/*.txt")
+    rows = file.read_text().splitlines()
+    bent = rows[1].split()
+    bent[0] = "3.5"
+    for number, (content, where, said) in enumerate(
+        [
+            (rows[:2], "row 3", "2 poses"),
+            ([rows[0], "nan " + rows[1].split(" ", 1)[1], rows[2]], "line 2", "nan"),
+            ([rows[0], " ".join(bent), rows[2]], "line 2", "pose 1 of 3 is not rigid"),
+        ]
+    ):
+        file.write_text("\n".join(content) + "\n")
+        code, answer = convert(capsys, root, tmp_path / f"out{number}")
+        error = answer["error"]
+        assert (code, error["code"], error["path"]) == (3, "PoseFileError", str(file))
+        assert where in error["where"]
+        assert said in error["got"]
+        assert error["fix"]
+
+
+def test_a_file_that_somebody_writes_to_costs_its_frame(tmp_path, capsys):
+    folder = tmp_path / "clouds"
+    folder.mkdir()
+    for name in ("0", "1", "2"):
+        np.ones((50, 4), np.float32).tofile(folder / f"{name}.bin")
+    busy = folder / "1.bin"
+    busy.write_bytes(bytes(64_000_000))
+    writer = multiprocessing.get_context("spawn").Process(target=keep_writing, args=(busy,))
+    writer.start()
+    try:
+        before = busy.stat().st_mtime_ns
+        while busy.stat().st_mtime_ns == before:
+            time.sleep(0.01)
+        code, report = convert(capsys, folder, tmp_path / "out", "--to", "npz")
+    finally:
+        writer.kill()
+        writer.join()
+    assert (code, report["committed"]) == (4, 2)
+    assert {name: kind for name, (kind, _) in skips(tmp_path / "out").items()} == {
+        "1": "InputChanged"
+    }
+    assert convert(capsys, folder, tmp_path / "out", "--to", "npz")[1]["committed"] == 3
+
+
+@pytest.mark.parametrize("bomb", BOMBS)
+def test_a_recording_that_is_a_bomb_is_refused_by_its_place(tmp_path, capsys, bomb):
+    path = tmp_path / "a.mcap"
+    path.write_bytes(MAGIC + BOMBS[bomb]() + record_bytes(Footer(0, 0, 0)) + MAGIC)
+    for verb, *more in (("convert", str(tmp_path / "out")), ("recover",)):
+        assert main([verb, str(path), *more, "--json"]) == 3
+        error = json.loads(capsys.readouterr().out)["error"]
+        assert (error["code"], error["path"]) == ("RecordingError", str(path))
+        assert error["where"].startswith("byte ")
+        assert error["fix"]
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.mcap"]
 
 
 # --- links and file systems (rows 52, 63) -----------------------------------------------------
