@@ -15,6 +15,7 @@ from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.motion_refining import PictureRefinement, refined_by_pictures
+from pseudolidar.running.preflight import preflight
 from pseudolidar.sources.other_rig import opened_as_taken
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select
@@ -48,6 +49,9 @@ class Refine:
         scale_calibration: scale the calibration where images have another size.
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
             By default what the data set says of its scenes, else 3.
+        swap: exchange left and right pictures.
+        check: look at the first, the middle and the last pair before: swapped eyes, rows that are
+            off and a calibration for another size stop it, other oddities are warned of.
         workers: frames worked on at the same time; by default one per core.
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
         overwrite: replace OUT.
@@ -63,6 +67,8 @@ class Refine:
     rig_unit: RigUnit | None = None
     scale_calibration: bool = False
     min_depth: float | None = None
+    swap: bool = False
+    check: Annotated[bool, RUN_ONLY] = True
     workers: Annotated[int | None, RUN_ONLY] = None
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
     overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
@@ -76,23 +82,26 @@ def run(job: Refine) -> RefineReport:
         MotionInsufficient: the sequence does not carry what is asked of its motion.
     """
     check_place(job.out, overwrite=job.overwrite)
-    source = opened(job)
+    source, crew = opened(job), CrewPlan(job.workers)
+    warnings = preflight(source, wanted=job.check, crew=crew)
     matcher = job.matcher.load(min_depth_m=nearest_depth_m(job.min_depth, source))
-    found = refined_by_pictures(
-        source, job.by, matcher, crew=CrewPlan(job.workers), on_error=job.on_error
-    )
+    found = refined_by_pictures(source, job.by, matcher, crew=crew, on_error=job.on_error)
     line = source.summary.line
     if not found.changed:
-        return RefineReport(line, None, found)
+        return RefineReport(line, None, found, warnings)
     origin = f"{source.rig.origin or 'the rig of the source'}, refined on {line}"
     write_rig(job.out, replace(found.rig, origin=origin))
-    return RefineReport(line, job.out, found)
+    return RefineReport(line, job.out, found, warnings)
 
 
 def opened(job: Refine) -> FrameSource:
     """The frames that are asked for, as they were taken, with the rig that is asked for."""
     whole = opened_as_taken(
-        job.source, job.rig, scale_calibration=job.scale_calibration, unit=job.rig_unit
+        job.source,
+        job.rig,
+        scale_calibration=job.scale_calibration,
+        unit=job.rig_unit,
+        swap=job.swap,
     )
     return pairs_of(select(whole, job.frames, job.exclude))
 
@@ -116,11 +125,13 @@ class RefineReport:
         subject: what it was fitted to, one line.
         out: the rig file; None where there is nothing to be put right.
         found: corrections with their figures.
+        warnings: what is odd about the pairs.
     """
 
     subject: str
     out: Path | None
     found: PictureRefinement
+    warnings: tuple[str, ...] = ()
 
     @property
     def exit_code(self) -> int:
@@ -130,7 +141,8 @@ class RefineReport:
     def as_dict(self) -> dict[str, Any]:
         """For `--json`."""
         out = None if self.out is None else str(self.out)
-        return {"subject": self.subject, "out": out, **self.found.as_dict()}
+        fitted = self.found.as_dict()
+        return {"subject": self.subject, "out": out, "warnings": list(self.warnings), **fitted}
 
     def text(self) -> str:
         """For people."""

@@ -114,6 +114,13 @@ def test_no_file_where_there_is_nothing_to_put_right(tmp_path, capsys):
     assert "nothing to be gained" in report["rows"]["reason"]
 
 
+def test_exchanged_eyes_stop_it(flight, tmp_path, capsys):
+    out = tmp_path / "rig.json"
+    error = told(capsys, "refine", flight, "--swap", "--out", out, "--json", status=3)["error"]
+    assert error["code"] == "PairSwapped"
+    assert not out.exists()
+
+
 def test_a_file_is_not_written_over_unasked(flight, tmp_path, capsys):
     out = tmp_path / "rig.json"
     out.write_text("mine")
