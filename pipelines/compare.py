@@ -28,6 +28,7 @@ from pseudolidar.running.folder import check_usable
 from pseudolidar.running.frame_checks import MIN_DENSITY, check_pair, check_texture
 from pseudolidar.running.given import GivenSettings, given_maps
 from pseudolidar.running.journal.record import FrameRecord
+from pseudolidar.running.preflight import preflight
 from pseudolidar.running.products.compared_outputs import ComparedOutputs
 from pseudolidar.running.products.compared_products import ComparedEncoder
 from pseudolidar.running.products.encoders import FrameEncoder
@@ -136,6 +137,9 @@ class Compare:
         scale_calibration: scale the calibration where images have another size.
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
             By default what the data set says of its scenes, else 3.
+        swap: exchange left and right pictures.
+        check: look at the first, the middle and the last pair before the run: swapped eyes, rows
+            that are off and a calibration for another size stop it, other oddities are warned of.
         workers: frames worked on at the same time; by default one per core.
         timeout: a frame that takes longer is skipped, s.
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
@@ -167,6 +171,8 @@ class Compare:
     rig_unit: RigUnit | None = None
     scale_calibration: bool = False
     min_depth: float | None = None
+    swap: bool = False
+    check: Annotated[bool, RUN_ONLY] = True
     workers: Annotated[int | None, RUN_ONLY] = None
     timeout: Annotated[float, RUN_ONLY] = FRAME_TIMEOUT_S
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
@@ -271,6 +277,7 @@ def told(
     job: Compare, source: FrameSequence[StereoFrame], per_frame: CompareFrame, missing: Missing
 ) -> Gathered:
     """Compare every frame and write nothing."""
+    warnings = preflight(source, wanted=job.check, crew=job.crew)
     frames, records, watch = list[ComparedFrame](), list[FrameRecord](), Stopwatch()
     outcomes = stream(source, per_frame, crew=job.crew)
     with FrameProgress(len(source.ids)) as progress:
@@ -289,7 +296,9 @@ def told(
             watch.lap(frame.cpu_s)
             progress.advance()
     total = len(source.ids) + len(source.refused)
-    result = RunResult(source.summary, total, tuple(records), watch.frames, watch.as_dict())
+    result = RunResult(
+        source.summary, total, tuple(records), watch.frames, watch.as_dict(), warnings=warnings
+    )
     return Gathered(tuple(frames), result)
 
 
@@ -308,6 +317,7 @@ def written(
         names = [name for name in run.expected(per_frame, crew=job.crew) if name not in empty]
         with recording.open(out, names) as log:
             settled = run.settled(log.held | empty)
+            run.check(wanted=job.check and len(settled) < len(source.ids), crew=job.crew)
             outcomes = stream(
                 source, per_frame, crew=job.crew, skip=settled, in_flight=run.in_flight
             )
@@ -443,7 +453,11 @@ def opened(job: Compare) -> FrameSequence[StereoFrame]:
             replace(settings, take="pairs").open()
             settings = replace(settings, take="pairs")
     every = opened_with_rig(
-        settings, job.rig, scale_calibration=job.scale_calibration, unit=job.rig_unit
+        settings,
+        job.rig,
+        scale_calibration=job.scale_calibration,
+        unit=job.rig_unit,
+        swap=job.swap,
     )
     source = select(pairs_of(every), job.frames, job.exclude)
     for line in (source.summary.line, *source.summary.notes):

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
+from pseudolidar.calibration.check_rows import ROWS
 from pseudolidar.calibration.motion import Motion
 from pseudolidar.calibration.rows import Rows
 from pseudolidar.errors import UsageError
@@ -50,8 +51,8 @@ class Refine:
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
             By default what the data set says of its scenes, else 3.
         swap: exchange left and right pictures.
-        check: look at the first, the middle and the last pair before: swapped eyes, rows that are
-            off and a calibration for another size stop it, other oddities are warned of.
+        check: look at the first, the middle and the last pair before: swapped eyes and a
+            calibration for another size stop it, other oddities are warned of.
         workers: frames worked on at the same time; by default one per core.
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
         overwrite: replace OUT.
@@ -83,7 +84,7 @@ def run(job: Refine) -> RefineReport:
     """
     check_place(job.out, overwrite=job.overwrite)
     source, crew = opened(job), CrewPlan(job.workers)
-    warnings = preflight(source, wanted=job.check, crew=crew)
+    warnings = preflight(source, wanted=job.check, crew=crew, mends=(ROWS,))
     matcher = job.matcher.load(min_depth_m=nearest_depth_m(job.min_depth, source))
     found = refined_by_pictures(source, job.by, matcher, crew=crew, on_error=job.on_error)
     line = source.summary.line

@@ -18,9 +18,15 @@ STOP_PX, WARN_PX = 1.0, 0.6
 STOP_ROLL_DEG, STOP_ROLL_PX = 0.35, 0.4
 # What is worth a word in the explanation.
 SAID_PX, SAID_DEG, SAID_SHARE, SAID_DIRECTION = 0.5, 0.1, 0.004, 0.03
-MEND = (
+# Rows of rectified pictures that are off by so much at most are put right by a row correction.
+CORRECTED_PX = 6.0
+CORRECT = (
+    "Fit the rows, `pseudolidar refine SOURCE --by rows --out rig.json`, and pass --rig rig.json; "
+    "or rectify the pictures anew. --no-check takes them as they are."
+)
+RECTIFY = (
     "Rectify the pictures with the calibration they were taken with, or give the rig that fits "
-    "them (--rig); --no-check takes them as they are."
+    "them (--rig). --no-check takes them as they are."
 )
 
 
@@ -61,7 +67,7 @@ def rows_found(fit: RowFit | None, *, matches: int) -> Finding:
         "scale": fit.scale,
     }
     seen = f"typically {typical_px:.2f} px off"
-    cause = causes(fit)
+    cause, mend = causes(fit), CORRECT if typical_px < CORRECTED_PX else RECTIFY
     rolled = (
         abs(fit.roll_deg) - 2.0 * fit.roll_sigma_deg > STOP_ROLL_DEG and typical_px > STOP_ROLL_PX
     )
@@ -69,10 +75,10 @@ def rows_found(fit: RowFit | None, *, matches: int) -> Finding:
         sure = sure_beyond(typical_px, STOP_PX, sigma_px)
         if rolled:
             sure = max(sure, sure_beyond(abs(fit.roll_deg), STOP_ROLL_DEG, fit.roll_sigma_deg))
-        return Finding(ROWS, "stop", f"{seen}: {cause}", sure, MEND, figures)
+        return Finding(ROWS, "stop", f"{seen}: {cause}", sure, mend, figures)
     sure = sure_beyond(typical_px, STOP_PX, sigma_px)
     if typical_px > WARN_PX:
-        return Finding(ROWS, "warn", f"{seen}: {cause}", sure, MEND, figures)
+        return Finding(ROWS, "warn", f"{seen}: {cause}", sure, mend, figures)
     return Finding(ROWS, "good", seen, sure, "", figures)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 from pseudolidar.calibration.check import PairCheck, check_pair, combined, stopping
@@ -152,10 +152,18 @@ def preflight(
     wanted: bool,
     crew: CrewPlan,
     in_flight: InFlight | None = None,
+    mends: Collection[str] = (),
 ) -> tuple[str, ...]:
     """Look at the first, the middle and the last pair before a run; the warnings, which are logged.
 
     Sources of other things than pairs and rendered worlds are not looked at.
+
+    Args:
+        source: what the run will read.
+        wanted: whether to look at all.
+        crew: what the run will be done with.
+        in_flight: where frames are noted while they are looked at.
+        mends: names of what the run is there to put right: it neither stops nor warns.
 
     Raises:
         PairSwapped, NotRectified, CalibrationSizeMismatch: the pairs would make no metres.
@@ -163,6 +171,8 @@ def preflight(
     if not wanted or source.yields is not StereoFrame or source.summary.kind == "synthetic":
         return ()
     check = check_source(source, crew=crew, in_flight=in_flight)
+    kept = tuple(finding for finding in check.findings if finding.name not in mends)
+    check = replace(check, findings=kept)
     for line in check.warnings:
         _log.warning("check: %s", printable(line))
     if check.error is not None:

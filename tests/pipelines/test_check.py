@@ -131,7 +131,13 @@ def test_no_run_starts_with_swapped_eyes(swapped, room, tmp_path, capsys):
     assert tree(tmp_path / "out") == tree(tmp_path / "right")
     capsys.readouterr()
     assert told(capsys, "convert", swapped, tmp_path / "dry", "--dry-run")[0] == 3
-    assert told(capsys, "evaluate", "disparity", swapped)[1]["error"]["code"] == "PairSwapped"
+    for line in (
+        ("evaluate", "disparity", swapped),
+        ("compare", swapped),
+        ("compare", swapped, tmp_path / "compared"),
+        ("refine", swapped, "--by", "rows", "--out", tmp_path / "rig.json"),
+    ):
+        assert told(capsys, *line)[1]["error"]["code"] == "PairSwapped", line
 
 
 @pytest.mark.parametrize("how", [{"down_px": 2.0}, {"roll_deg": 1.0}])
@@ -142,6 +148,20 @@ def test_no_run_starts_with_rows_that_are_off(own_room, tmp_path, capsys, how):
     line = ["convert", str(own_room), str(tmp_path / "out"), "--to", "bin"]
     assert main([*line, "--no-check"]) == 0
     assert json.loads((tmp_path / "out" / "report.json").read_text())["warnings"] == []
+
+
+def test_the_command_that_is_named_puts_rows_right(own_room, tmp_path, capsys):
+    change(own_room, lambda image: warped(image, down_px=3.0, roll_deg=0.5))
+    code, report = told(capsys, "check", own_room)
+    rows = findings(report)["rows"]
+    assert (code, rows["severity"]) == (3, "stop")
+    command = rows["mend"].split("`")[1].split()[1:]
+    rig = tmp_path / "rig.json"
+    words = {"SOURCE": str(own_room), "rig.json": str(rig)}
+    assert main([words.get(word, word) for word in command]) == 0
+    capsys.readouterr()
+    code, report = told(capsys, "check", own_room, "--rig", rig)
+    assert (code, findings(report)["rows"]["severity"]) == (0, "good")
 
 
 def test_another_size_than_the_calibration_stops(own_room, capsys, tmp_path):
