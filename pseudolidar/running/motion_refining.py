@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pseudolidar.calibration.motion import Motion
+from pseudolidar.calibration.motion import Motion, MotionEstimator
 from pseudolidar.calibration.motion_fit import MotionFit
 from pseudolidar.calibration.rows import RowFit, RowPoints, Rows, fit_rows, row_points
 from pseudolidar.errors import ALL_DONE, SOME_SKIPPED, CalibrationValue
@@ -20,6 +20,7 @@ from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.stream import stream
+from pseudolidar.sources.selection import SelectedSource
 from pseudolidar.sources.source import FrameSource
 from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.structures.arrays import Float64
@@ -169,15 +170,11 @@ def refined_by_pictures(
     """
     n = len(source.ids)
     rig = source.rig.with_rows(None).with_correction(None)
-    rows = by if isinstance(by, Rows) else Rows()
-    row_frames = set(rows.needed(n))
+    row_frames = set((by if isinstance(by, Rows) else Rows()).needed(n))
     needed = {*row_frames, *(by.needed(n) if isinstance(by, Motion) else ())}
-    # Where a source is a selection, a frame's index is that in the whole.
     look = LookAt(rig, matcher, isinstance(by, Motion), _indices(source, row_frames))
     unneeded = {name for position, name in enumerate(source.ids) if position not in needed}
-    estimator = by.load(rig, n) if isinstance(by, Motion) else None
-    points: list[RowPoints] = []
-    tried: list[tuple[int, float]] = []
+    gathered = _Gathered(by.load(rig, n) if isinstance(by, Motion) else None)
     skipped: list[Skipped] = []
     outcomes = stream(source, look, crew=crew, skip=unneeded)
     with FrameProgress(len(needed)) as progress:
@@ -185,31 +182,43 @@ def refined_by_pictures(
             outcomes, frames=len(needed), on_error=on_error, skipped=skipped.append
         ):
             progress.advance()
-            if estimator is not None and frame.value.pair is not None:
-                estimator.add(frame.index, frame.value.pair, frame.value.T_map_left)
-            if frame.value.points is not None:
-                points.append(frame.value.points)
-                tried.append((frame.index, frame.value.density))
-    row_fit = fit_rows(points)
-    motion = None if estimator is None else estimator.fit()
-    corrected = rig.with_rows(row_fit.correction)
-    if motion is not None:
-        corrected = corrected.with_correction(motion.correction)
-    elif source.rig.correction is not None:
-        corrected = corrected.with_correction(source.rig.correction)
+            gathered.add(frame.index, frame.value)
+    rows = fit_rows(gathered.points)
+    motion = None if gathered.estimator is None else gathered.estimator.fit()
+    correction = source.rig.correction if motion is None else motion.correction
+    corrected = rig.with_rows(rows.correction).with_correction(correction)
     return PictureRefinement(
         rig=corrected,
         motion=motion,
-        rows=row_fit,
-        density=_density(source, matcher, row_fit, tried),
+        rows=rows,
+        density=_density(source, matcher, rows, gathered.densities),
         skipped=[(frame.id, str(frame.error)) for frame in skipped],
         replaced=_replaced(source.rig, corrected),
     )
 
 
-def _indices(source: FrameSource, positions: set[int]) -> frozenset[int]:
-    from pseudolidar.sources.selection import SelectedSource
+class _Gathered:
+    """What frames told, in order.
 
+    Args:
+        estimator: follows their pictures, where the motion is looked at.
+    """
+
+    def __init__(self, estimator: MotionEstimator | None) -> None:
+        self.estimator = estimator
+        self.points: list[RowPoints] = []
+        self.densities: list[tuple[int, float]] = []
+
+    def add(self, position: int, looked: LookedAt) -> None:
+        if self.estimator is not None and looked.pair is not None:
+            self.estimator.add(position, looked.pair, looked.T_map_left)
+        if looked.points is not None:
+            self.points.append(looked.points)
+            self.densities.append((position, looked.density))
+
+
+def _indices(source: FrameSource, positions: set[int]) -> frozenset[int]:
+    """The frames' own indices: where a source is a selection, those in the whole."""
     if isinstance(source, SelectedSource):
         return frozenset(source.chosen[position] for position in positions)
     return frozenset(positions)
