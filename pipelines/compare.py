@@ -15,29 +15,38 @@ from pseudolidar.evaluation.comparison.comparison import compare_frames
 from pseudolidar.evaluation.comparison.pooled import pooled
 from pseudolidar.formats.mcap.content import McapContent
 from pseudolidar.formats.rigs.rig_reading import RigUnit
-from pseudolidar.running.bad_frames import OnError, good_frames
+from pseudolidar.running.bad_frames import OnError
+from pseudolidar.running.comparing.clouds import OWN_SCANS, holds_clouds, other_clouds
+from pseudolidar.running.comparing.compared_clouds import compared_clouds
 from pseudolidar.running.comparing.drives import Drives, drives_below, recognise_drives
 from pseudolidar.running.comparing.gathered import AGAINST, Gathered, Judged, Missing, bare
+from pseudolidar.running.comparing.match_frame import MatchFrame
 from pseudolidar.running.comparing.other import other_reference
-from pseudolidar.running.comparing.references import SCAN, OwnKind, OwnReference, Reference, kind_of
-from pseudolidar.running.comparing.second_place import is_source
-from pseudolidar.running.crew.attempt import Done, Skipped
+from pseudolidar.running.comparing.pass_through import pass_through
+from pseudolidar.running.comparing.references import (
+    SCAN,
+    OwnKind,
+    OwnReference,
+    Reference,
+    kind_of,
+)
+from pseudolidar.running.comparing.second_place import places
+from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
-from pseudolidar.running.frame_checks import MIN_DENSITY, check_pair, check_texture
+from pseudolidar.running.frame_checks import MIN_DENSITY
 from pseudolidar.running.given import GivenSettings, given_maps
-from pseudolidar.running.journal.record import FrameRecord
-from pseudolidar.running.preflight import preflight
 from pseudolidar.running.products.compared_outputs import ComparedOutputs
 from pseudolidar.running.products.compared_products import ComparedEncoder
 from pseudolidar.running.products.encoders import FrameEncoder
 from pseudolidar.running.products.product import Product
 from pseudolidar.running.products.recording import RecordingPlan
 from pseudolidar.running.products.trees import Trees
-from pseudolidar.running.progress import FrameProgress
+from pseudolidar.running.reports.clouds_report import CloudsReport
 from pseudolidar.running.reports.comparison_files import (
     RESULTS,
+    clouds_csv,
     comparison_csv,
     drives_csv,
     write_comparison,
@@ -45,7 +54,6 @@ from pseudolidar.running.reports.comparison_files import (
 from pseudolidar.running.reports.comparison_report import ComparisonReport
 from pseudolidar.running.reports.drives_report import DrivesReport
 from pseudolidar.running.reports.samples import sampled_frames
-from pseudolidar.running.results import RunResult, Stopwatch
 from pseudolidar.running.run import Run
 from pseudolidar.running.settings_json import result_settings
 from pseudolidar.running.settings_schema import choice_name, described
@@ -55,7 +63,7 @@ from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.sources.selection import FrameSelection, select, whole
-from pseudolidar.sources.source import FrameSequence, nearest_depth_m, pairs_of
+from pseudolidar.sources.source import FrameSequence, clouds_of, nearest_depth_m, pairs_of
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.clean import Clean, Cleaner
 from pseudolidar.stereo.filters.filled_map import Surfaces
@@ -68,8 +76,8 @@ from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.camera import StereoRig
-from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.recorded import Frame, RecordedCloud
 
 _log = logging.getLogger(__name__)
 
@@ -96,7 +104,8 @@ class Compare:
     The second argument may also be another SOURCE to compare with: clouds, recordings, folders of
     disparity maps, pairs. It is taken for one if it exists and can be read as one, and is not a
     folder that `compare` itself has written to; what it was taken for is said. `--reference B` and
-    `--out OUT` leave no doubt.
+    `--out OUT` leave no doubt. Clouds and clouds are compared by nearest neighbours: how far ours
+    are from the reference (accuracy), the reference from ours (completeness), F-score.
 
         pseudolidar compare 2011_09_26_drive_0002_sync out
         pseudolidar compare training --frames 0::2 --bins 0,10,20,40 --json
@@ -204,20 +213,28 @@ class Compare:
         return " + ".join([self.given.text or described(self.matcher), *names])
 
 
-def run(job: Compare) -> ComparisonReport | DrivesReport:
+def run(job: Compare) -> ComparisonReport | CloudsReport | DrivesReport:
     """Compare a source, or all drives of a folder."""
     job = placed(job)
-    return run_all(job) if job.all else run_one(job)
+    if job.all:
+        return run_all(job)
+    source = opened(job)
+    if source.yields is RecordedCloud:
+        return run_clouds(job, clouds_of(source))
+    return run_pairs(job, pairs_of(source))
 
 
-def run_one(job: Compare, *, most: int = MAX_POINTS) -> ComparisonReport:
+def run_pairs(
+    job: Compare, source: FrameSequence[StereoFrame], *, most: int = MAX_POINTS
+) -> ComparisonReport:
     """Match and compare every frame; then figures, intervals, causes.
 
     Args:
         job: with its places settled.
+        source: the pairs.
         most: reference points to keep of all frames together.
     """
-    source = opened(job)
+    _log.info("disparities: %s", job.matched_by)
     per_frame = CompareFrame.of(job, source, most=most)
     missing = Missing(source.summary.line, source.summary.path, tried=FRAMES_TRIED)
     if job.out is None:
@@ -241,13 +258,37 @@ def run_one(job: Compare, *, most: int = MAX_POINTS) -> ComparisonReport:
     return replace(report, files=write_comparison(job.out, comparison_csv(compared), facts))
 
 
+def run_clouds(job: Compare, source: FrameSequence[RecordedCloud]) -> CloudsReport:
+    """Nearest neighbours between every cloud and its reference; then figures, intervals."""
+    if job.out is not None:
+        check_usable(job.out)
+    report = compared_clouds(
+        source,
+        OWN_SCANS if job.owned else other_clouds(job.reference, source),
+        bins=job.bins,
+        crew=job.crew,
+        on_error=job.on_error,
+        tried=FRAMES_TRIED,
+    )
+    if job.out is None:
+        return report
+    facts = {"settings": result_settings(job), **report.facts}
+    table = clouds_csv(report.comparison)
+    return replace(report, files=write_comparison(job.out, table, facts))
+
+
 def run_all(job: Compare) -> DrivesReport:
     """Compare every drive of a folder, then all their points together.
 
     Raises:
         SourceEmpty: there is no drive.
         ReferenceMissing: or none that has a reference.
+        UsageError: they shall all be compared with the same other source.
     """
+    if not job.owned:
+        raise UsageError(
+            f"--all with {job.reference} as reference", want="scans or truth of the drives' own"
+        )
     found = drives_below(job.source)
     reports, failed = dict[str, ComparisonReport](), dict[str, PseudolidarError]()
     for drive in found:
@@ -257,7 +298,8 @@ def run_all(job: Compare) -> DrivesReport:
                 raise drive.error or SourceUnknown(drive.name)
             out = None if job.out is None else job.out / drive.name
             one = replace(job, source=drive.source, out=out, all=False)
-            reports[drive.name] = run_one(one, most=MAX_POINTS // len(found))
+            pairs = pairs_of(opened(one))
+            reports[drive.name] = run_pairs(one, pairs, most=MAX_POINTS // len(found))
         except (EnvironmentFault, UsageError):
             raise
         except PseudolidarError as error:
@@ -277,27 +319,15 @@ def told(
     job: Compare, source: FrameSequence[StereoFrame], per_frame: CompareFrame, missing: Missing
 ) -> Gathered:
     """Compare every frame and write nothing."""
-    warnings = preflight(source, wanted=job.check, crew=job.crew)
-    frames, records, watch = list[ComparedFrame](), list[FrameRecord](), Stopwatch()
-    outcomes = stream(source, per_frame, crew=job.crew)
-    with FrameProgress(len(source.ids)) as progress:
+    frames: list[ComparedFrame] = []
 
-        def skip(frame: Skipped) -> None:
-            records.append(FrameRecord.of_skipped(frame))
-            progress.skip()
+    def keep(judged: Judged) -> str | None:
+        missing.see(judged.against)
+        frames.extend([] if judged.compared is None else [judged.compared])
+        return judged.against
 
-        for frame in good_frames(
-            outcomes, frames=len(source.ids), on_error=job.on_error, skipped=skip
-        ):
-            judged: Judged = frame.value
-            missing.see(judged.against)
-            records.append(FrameRecord(frame.id, frame.index, figures={AGAINST: judged.against}))
-            frames += [] if judged.compared is None else [judged.compared]
-            watch.lap(frame.cpu_s)
-            progress.advance()
-    total = len(source.ids) + len(source.refused)
-    result = RunResult(
-        source.summary, total, tuple(records), watch.frames, watch.as_dict(), warnings=warnings
+    result = pass_through(
+        source, per_frame, keep, crew=job.crew, on_error=job.on_error, check=job.check
     )
     return Gathered(tuple(frames), result)
 
@@ -352,7 +382,7 @@ class CompareFrame:
     @classmethod
     def of(cls, job: Compare, source: FrameSequence[StereoFrame], *, most: int) -> CompareFrame:
         """With everything heavy loaded; `most` is of all frames together."""
-        match = MatchFrame.of(job, source)
+        match = matching(job, source)
         most = max(1, most // max(1, len(source.ids)))
         encode = None
         if job.out is not None:
@@ -381,77 +411,33 @@ class CompareFrame:
         return Judged(kind, None, replace(product, figures={AGAINST: kind}))
 
 
-@dataclass(frozen=True)
-class MatchFrame:
-    """A pair to the disparities that `convert` makes points of: pure, picklable, one thread.
-
-    Args:
-        matcher: pair to disparity.
-        refine: disparity to a smoother or denser one.
-        clean: disparity without what is no surface.
-        least_density: share of pixels that must have a disparity: given maps may be sparse.
-    """
-
-    matcher: StereoMatcher
-    refine: MapFilters
-    clean: Cleaner
-    least_density: float
-
-    @classmethod
-    def of(cls, job: Compare, source: FrameSequence[StereoFrame]) -> MatchFrame:
-        """With everything heavy loaded."""
-        given = given_maps(job.given, source)
-        nearest_m = nearest_depth_m(job.min_depth, source)
-        matcher: StereoMatcher = given or job.matcher.load(min_depth_m=nearest_m)
-        refine = MapFilters.load(job.smooth, job.fill)
-        if job.temporal is not None:
-            fuse = job.temporal.load(matcher, pairs_of(whole(source)))
-            matcher, refine = fuse.sightings, refine.after(fuse)
-        clean = Cleaner.load(None if given else job.clean)
-        return cls(matcher, refine, clean, 0.0 if given else MIN_DENSITY)
-
-    def __call__(self, frame: StereoFrame) -> DisparityMap:
-        """Match, refine, clean.
-
-        Raises:
-            PairIdentical, LowTexture: there is nothing to be seen.
-        """
-        check_pair(frame)
-        matched = self.matcher(frame)
-        check_texture(frame, matched, least=self.least_density)
-        return self.clean(frame, self.refine(frame, matched).disparity).disparity
-
-
 def placed(job: Compare) -> Compare:
     """The job with its second argument where it belongs: as output folder or as reference.
 
     Raises:
         UsageError: it can only be one of them, and that is given already.
     """
-    text = job.out_or_b
-    if text is None:
+    if job.out_or_b is None:
         return job
-    job = replace(job, out_or_b=None)
-    if not job.owned or (job.out is None and not is_source(text)):
-        if job.out is not None:
-            raise UsageError(
-                f"{text!r} beside --out and --reference", want="one output folder, one reference"
-            )
-        _log.info("results: %s", text)
-        return replace(job, out=Path(text))
-    _log.info("compared with: %s (--out makes it the output folder)", text)
-    return replace(job, reference=text)
+    out, reference = places(
+        job.out_or_b, out=job.out, reference=None if job.owned else job.reference
+    )
+    return replace(job, out_or_b=None, out=out, reference=reference or job.reference)
 
 
-def opened(job: Compare) -> FrameSequence[StereoFrame]:
-    """The pairs that are asked for, with the rig that is asked for."""
+def opened(job: Compare) -> FrameSequence[Frame]:
+    """The frames that are asked for, with the rig that is asked for.
+
+    Of a recording the pairs, if it has some, unless its clouds can be compared with clouds.
+    """
     settings = job.source
     if isinstance(settings, Drives):
         settings = recognise(settings.path)  # which says what was looked for
     if isinstance(settings, Recording) and settings.take == "auto":
-        with contextlib.suppress(PseudolidarError):  # of clouds, which the next line says
-            replace(settings, take="pairs").open()
-            settings = replace(settings, take="pairs")
+        with contextlib.suppress(PseudolidarError):  # what it has then is said by its line
+            if job.owned or not holds_clouds(job.reference):
+                replace(settings, take="pairs").open()
+                settings = replace(settings, take="pairs")
     every = opened_with_rig(
         settings,
         job.rig,
@@ -459,13 +445,25 @@ def opened(job: Compare) -> FrameSequence[StereoFrame]:
         unit=job.rig_unit,
         swap=job.swap,
     )
-    source = select(pairs_of(every), job.frames, job.exclude)
+    source = select(every, job.frames, job.exclude)
     for line in (source.summary.line, *source.summary.notes):
         _log.info(line)
     for name in source.summary.absent:
         _log.info("absent: %s", name)
-    _log.info("disparities: %s", job.matched_by)
     return source
+
+
+def matching(job: Compare, source: FrameSequence[StereoFrame]) -> MatchFrame:
+    """What finds the disparities that `convert` would make points of."""
+    given = given_maps(job.given, source)
+    nearest_m = nearest_depth_m(job.min_depth, source)
+    matcher: StereoMatcher = given or job.matcher.load(min_depth_m=nearest_m)
+    refine = MapFilters.load(job.smooth, job.fill)
+    if job.temporal is not None:
+        fuse = job.temporal.load(matcher, pairs_of(whole(source)))
+        matcher, refine = fuse.sightings, refine.after(fuse)
+    clean = Cleaner.load(None if given else job.clean)
+    return MatchFrame(matcher, refine, clean, 0.0 if given else MIN_DENSITY)
 
 
 def reference_of(job: Compare, source: FrameSequence[StereoFrame], match: MatchFrame) -> Reference:

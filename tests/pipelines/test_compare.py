@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from pseudolidar.errors import SOME_SKIPPED
 from pseudolidar.evaluation.comparison.figures import FIGURES
 from pseudolidar.formats.points.cloud_file import read_cloud
 from pseudolidar.formats.points.npz import read_npz
+from pseudolidar.formats.points.ply import write_ply
 from pseudolidar.structures.cloud import PointCloud
 
 STREET = ("synthetic:street:4", "--width-px", "480")
@@ -227,7 +229,6 @@ def test_another_source_as_second_argument_is_compared_with(kitti, converted, ca
 
 
 def test_errors_of_the_other_source_are_found(kitti, converted, tmp_path, capsys):
-    from pseudolidar.formats.points.ply import write_ply
 
     for path in sorted((converted / "ply").iterdir()):
         cloud = read_cloud(path)
@@ -260,3 +261,25 @@ def test_frames_that_do_not_belong_together_are_refused(kitti, tmp_path, capsys)
     (tmp_path / "maps" / "other.pfm").write_bytes(b"Pf\n1 1\n-1\n\0\0\0\0")
     told = result(capsys, kitti / "one", "--reference", tmp_path / "maps", code=3)
     assert told["error"]["code"] == "SourceEmpty"
+
+
+def test_clouds_with_clouds(converted, tmp_path, capsys):
+    recording = next(converted.glob("*.mcap"))
+    for path in sorted((converted / "ply").iterdir()):
+        cloud = read_cloud(path)
+        (tmp_path / "moved").mkdir(exist_ok=True)
+        moved = cloud.xyz + np.array([0, 0, 0.15], np.float32)
+        write_ply(tmp_path / "moved" / path.name, replace(cloud, xyz=moved))
+    told = result(capsys, tmp_path / "moved", recording, "--bins", "5,30")
+    assert told["frames"] == 2
+    assert told["reference"] == str(recording)
+    assert 0 < told["accuracy_median_m"] <= 0.15 + 1e-3
+    assert told["f_score_0_2"] > 0.95
+    assert told["f_score_0_1"] < told["f_score_0_2"] <= told["f_score_0_5"]
+    same = result(capsys, recording, converted / "ply", "--out", tmp_path / "out")
+    assert same["chamfer_m"] < 0.02  # thinned in the recording
+    with (tmp_path / "out" / "compare.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 6
+    assert float(rows[-1]["chamfer_m"]) == same["chamfer_m"]
+    assert json.loads((tmp_path / "out" / "compare.json").read_text())["bins"] == same["bins"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 from pseudolidar.errors import SourceUnknown, UsageError
@@ -11,10 +12,34 @@ from pseudolidar.running.reports.comparison_files import JSON_NAME
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.synthetic import SYNTHETIC
 
+_log = logging.getLogger(__name__)
+
 # A path that is not there and is named like one of these was meant to be read.
 READ_SUFFIXES = frozenset(
     (".mcap", ".bag", ".db3", ".pcd", ".ply", ".bin", ".npz", ".mp4", ".mkv", ".avi")
 )
+
+
+def places(text: str, *, out: Path | None, reference: str | None) -> tuple[Path | None, str | None]:
+    """Output folder and other source, once it is known what `text` is; that is said.
+
+    Args:
+        text: the second argument.
+        out: output folder, where it was given for certain.
+        reference: other source, where it was given for certain.
+
+    Raises:
+        UsageError: both were given.
+    """
+    if out is not None and reference is not None:
+        raise UsageError(
+            f"{text!r} beside --out and --reference", want="one output folder, one reference"
+        )
+    if out is None and (reference is not None or not is_source(text)):
+        _log.info("results: %s", text)
+        return Path(text), reference
+    _log.info("compared with: %s (--out makes it the output folder)", text)
+    return out, text
 
 
 def is_source(text: str) -> bool:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pseudolidar import __version__
+from pseudolidar.evaluation.comparison.clouds import CloudComparison
 from pseudolidar.evaluation.comparison.comparison import Comparison
 from pseudolidar.evaluation.comparison.figures import FIGURES, DepthFigures, RangeFigures
 from pseudolidar.evaluation.comparison.pooled import PooledFigures
@@ -50,6 +51,22 @@ def drives_csv(drives: Mapping[str, Comparison], every: PooledFigures) -> bytes:
         for row in _bin_rows([name], each.by_range, each.overall, each.bins.range_m)
     ]
     return _table(("drive",), rows)
+
+
+def clouds_csv(compared: CloudComparison) -> bytes:
+    """The bytes of `compare.csv` of clouds: a row for every bin, then all of them."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = list(compared.overall.figures)
+    bounds = [f"{name}_{end}" for name in names for end in ("low", "high")]
+    writer.writerow(["from_m", "to_m", "reference_points", "n", *names, *bounds])
+    bins, each = (*compared.bins, compared.bins.range_m), (*compared.by_range, compared.overall)
+    for (low, high), figures in zip(bins, each, strict=True):
+        ends = (figures.intervals.get(name, ("", "")) for name in names)
+        values = (figures.figures[name] for name in names)
+        row = [low, high, figures.reference, figures.n, *values]
+        writer.writerow([*row, *(end for pair in ends for end in pair)])
+    return text.getvalue().encode()
 
 
 def _table(names: tuple[str, ...], rows: Iterable[list[Any]]) -> bytes:

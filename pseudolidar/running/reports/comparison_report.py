@@ -65,7 +65,8 @@ class ComparisonReport:
 
     def as_dict(self) -> dict[str, Any]:
         """The same, and what there is to open."""
-        return {**self.facts, "files": [str(path) for path in self.files]}
+        warnings = list(self.result.warnings)
+        return {**self.facts, "warnings": warnings, "files": [str(path) for path in self.files]}
 
     def text(self) -> str:
         """Tables for a terminal, the causes in words, and what to open."""

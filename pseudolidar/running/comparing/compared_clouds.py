@@ -1,0 +1,56 @@
+"""The comparison of a source's clouds with their references, frame by frame."""
+
+from __future__ import annotations
+
+from pseudolidar.evaluation.cloud_distances import CloudDistances
+from pseudolidar.evaluation.comparison.bins import DepthBins
+from pseudolidar.evaluation.comparison.clouds import compare_clouds
+from pseudolidar.running.bad_frames import OnError
+from pseudolidar.running.comparing.clouds import CompareClouds
+from pseudolidar.running.comparing.gathered import Missing, bare
+from pseudolidar.running.comparing.pass_through import pass_through
+from pseudolidar.running.comparing.references import SCAN
+from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.reports.clouds_report import CloudsReport
+from pseudolidar.sources.source import FrameSequence
+from pseudolidar.structures.recorded import RecordedCloud
+
+
+def compared_clouds(
+    source: FrameSequence[RecordedCloud],
+    per_frame: CompareClouds,
+    *,
+    bins: DepthBins,
+    crew: CrewPlan,
+    on_error: OnError,
+    tried: int,
+) -> CloudsReport:
+    """Distances of every frame, then figures with intervals.
+
+    Args:
+        source: the clouds.
+        per_frame: compares one of them.
+        bins: of the points' range.
+        crew: how the frames are done.
+        on_error: what a bad frame does.
+        tried: frames after which a source without any reference is given up.
+
+    Raises:
+        ReferenceMissing: no frame has a reference.
+    """
+    missing = Missing(source.summary.line, source.summary.path, tried=tried)
+    frames: list[CloudDistances] = []
+
+    def keep(distances: CloudDistances | None) -> str | None:
+        against = None if distances is None else SCAN
+        missing.see(against)
+        frames.extend([] if distances is None else [distances])
+        return against
+
+    result = pass_through(source, per_frame, keep, crew=crew, on_error=on_error, check=False)
+    if not frames:
+        raise missing.error()
+    compared = compare_clouds(
+        frames, subject=source.summary.line, reference=per_frame.words, bins=bins
+    )
+    return CloudsReport(compared, result, len(bare(result.records)))
