@@ -2,8 +2,9 @@
 
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.structures.box import Box3D, Detection, Label, Track
-from pseudolidar.structures.camera import Camera, DisparityCorrection, StereoRig
+from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from pseudolidar.structures.frame import LidarScan, RawPair, StereoFrame
 from pseudolidar.structures.pose import Pose, Trajectory

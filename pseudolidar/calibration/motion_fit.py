@@ -17,7 +17,8 @@ from pseudolidar.calibration.motion_offset import (
 from pseudolidar.errors import MotionInsufficient
 from pseudolidar.geometry.pnp import RelativePose
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.camera import UNREFINED_SIGMA_PX, DisparityCorrection, StereoRig
+from pseudolidar.structures.camera import UNREFINED_SIGMA_PX, StereoRig
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
 
 # Fewer motions say nothing of how far they agree.

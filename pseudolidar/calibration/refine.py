@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
+from pseudolidar.calibration.refine_fit import BLOCK_BANDS_PX, block_medians, coefficients, residual
+from pseudolidar.calibration.refine_terms import Choice, choose_terms, parts_of
 from pseudolidar.errors import CalibrationValue
-from pseudolidar.structures.arrays import Float64, Int64
-from pseudolidar.structures.camera import DisparityCorrection
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
 from pseudolidar.structures.samples import DisparitySamples
 
@@ -17,35 +19,41 @@ MIN_SAMPLES = 500
 # Taken evenly: of 1.8 million samples of KITTI stereo 2015, so many give the same correction to
 # 0.03 px anywhere.
 MAX_SAMPLES = 100_000
-# Half width of a Cauchy distribution that has 68.27 % of its mass within one sigma: matching errors
-# have tails as heavy, and a wider one lets them pull far depths (KITTI stereo 2015, 50-80 m, frames
-# left out: bias -3.2 % with 2.385, the constant that is efficient on Gaussian noise, -0.9 % so).
-CAUCHY_PER_SIGMA = 0.55
-# Noise below this is numerical, px; it keeps the weights defined on perfect data.
-MIN_SCALE_PX = 1e-3
-# How large the coefficients of a rig are expected to be, one standard deviation, px (KITTI 0.5-1).
-PRIOR_PX = 1.0
-# Errors of neighbouring pixels are correlated: a frame is taken to tell as much as so many
-# independent ones, those of patches of about 50 x 50 px in the half of a KITTI image with truth.
-INDEPENDENT_PER_FRAME = 100
-MAX_ITERATIONS, CONVERGED_PX = 50, 1e-4
-# The residual is measured on frames left out of the fit, in this many turns.
-FOLDS = 5
-# Medians of blocks of a frame: columns of the image times bands of disparity, px.
-BLOCK_COLUMNS, BLOCK_BANDS_PX = 4, (0.0, 10.0, 20.0, 40.0, np.inf)
-MIN_BLOCK_SAMPLES = 200
 # A single frame cannot show how frames differ; KITTI frames drift by 0.1-0.2 px against each other.
 ONE_FRAME_RESIDUAL_PX = 0.2
 
 
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """A fitted correction and how it was chosen.
+
+    Args:
+        correction: what to take off, with its uncertainty.
+        choice: the terms that were tried.
+        samples: pixels that were used.
+        frames: of so many frames.
+    """
+
+    correction: DisparityCorrection
+    choice: Choice
+    samples: int
+    frames: int
+
+
 def fit(samples: DisparitySamples, *, origin: str = "") -> DisparityCorrection:
+    """The correction of `refined` alone."""
+    return refined(samples, origin=origin).correction
+
+
+def refined(samples: DisparitySamples, *, origin: str = "") -> Refinement:
     """Fit the systematic disparity error of a rig, robust to wrong matches.
 
     Maximises the Cauchy likelihood of `measured - reference - c . phi(measured, u, v)`, each sample
     as sure as its sigma says, with a weak prior that pulls coefficients to zero which the samples
-    do not determine. `residual_px` is what such a correction leaves on frames it was not fitted to:
-    68 % of the medians of image blocks lie within it. Pixel noise averages out there and belongs to
-    the matcher's sigma.
+    do not determine. How many terms it has is decided by frames outside the fit. `residual_px` is
+    what such a correction leaves on frames it was not fitted to: 68 % of the medians of image
+    blocks lie within it. Pixel noise averages out there and belongs to the matcher's sigma, which
+    `sigma_scale` makes fit the errors of frames left out. The covariance is that over frames.
 
     Args:
         samples: of as many frames as possible; pixels of all columns, rows and disparities.
@@ -55,20 +63,28 @@ def fit(samples: DisparitySamples, *, origin: str = "") -> DisparityCorrection:
         CalibrationValue: too few samples.
 
     Source: measured on KITTI stereo 2015; iteratively reweighted least squares: Holland & Welsch
-        1977.
+        1977; the simplest model within one standard error: Breiman et al. 1984.
     """
     samples = _usable(samples)
-    frames = np.unique(samples.frame)
+    frames = len(np.unique(samples.frame))
     if len(samples) < MIN_SAMPLES:
         raise CalibrationValue(
-            f"{len(samples)} samples of {len(frames)} frame(s)",
+            f"{len(samples)} samples of {frames} frame(s)",
             want=f"at least {MIN_SAMPLES} pixels with a known disparity",
             fix="Take more frames, or frames with more of the reference in view.",
             where="correction",
         )
     thinned = samples[:: max(1, -(-len(samples) // MAX_SAMPLES))]
-    described = origin or f"{len(samples)} samples of {len(frames)} frames"
-    return DisparityCorrection(_coefficients(thinned), _residual_px(thinned), described)
+    choice = choose_terms(thinned)
+    held = _HeldOut.of(thinned, choice.chosen.terms)
+    correction = DisparityCorrection(
+        coefficients(thinned, choice.chosen.terms),
+        held.residual_px,
+        origin or f"{len(samples)} samples of {frames} frames",
+        held.sigma_scale,
+        held.covariance,
+    )
+    return Refinement(correction, choice, len(samples), frames)
 
 
 def _usable(samples: DisparitySamples) -> DisparitySamples:
@@ -79,67 +95,60 @@ def _usable(samples: DisparitySamples) -> DisparitySamples:
     return samples[usable]
 
 
-def _coefficients(samples: DisparitySamples) -> Float64:
-    """(8,) most likely coefficients where errors are Cauchy-distributed, wide as sigma says."""
-    features = DisparityCorrection.features(samples.measured, samples.u, samples.v, samples.size_px)
-    error = samples.measured - samples.reference
-    spread = np.ones_like(error) if samples.sigma is None else samples.sigma
-    precision = 1.0 / spread**2
-    independent = INDEPENDENT_PER_FRAME * len(np.unique(samples.frame))
-    coefficients = np.zeros(features.shape[1])
-    coefficients[0] = np.median(error)
-    for _ in range(MAX_ITERATIONS):
-        ratio = np.abs(error - features @ coefficients) / spread
-        scale = max(MIN_SCALE_PX, float(np.quantile(ratio, ONE_SIGMA_SHARE)))
-        weight = precision / (1.0 + (ratio / (CAUCHY_PER_SIGMA * scale)) ** 2)
-        weighted = features * (weight / weight.sum())[:, None]
-        prior = scale**2 / (precision.mean() * independent * PRIOR_PX**2)
-        updated = np.linalg.solve(
-            weighted.T @ features + prior * np.eye(len(coefficients)), weighted.T @ error
-        )
-        change = np.abs(updated - coefficients).max()
-        coefficients = updated
-        if change < CONVERGED_PX:
-            break
-    return coefficients
+@dataclass(frozen=True, eq=False)
+class _HeldOut:
+    """What fits say about parts that they were not fitted to.
 
-
-def _residual_px(samples: DisparitySamples) -> float:
-    """One standard deviation of the systematic error left on parts outside the fit.
-
-    Parts are the frames; of a single frame, the columns of blocks. A few frames look more alike
-    than the frames to come, so that n of them show too little of it: by 1 + 1/n (measured on KITTI
-    stereo 2015: fits to 1, 3, 5 and 11 frames, claims 0.66, 0.27, 0.26, 0.25 px, found on the 11
-    other frames 0.61, 0.39, 0.29, 0.29 px).
+    Args:
+        residual_px: systematic error left, one standard deviation.
+        sigma_scale: factor on the matcher's sigma.
+        covariance: (8, 8) of the coefficients, by the jackknife.
     """
-    frames = len(np.unique(samples.frame))
-    single = frames == 1
-    part = _block_columns(samples) if single else samples.frame
-    parts = np.unique(part)
-    medians: list[float] = []
-    for turn in range(min(FOLDS, len(parts))):
-        held = np.isin(part, parts[turn::FOLDS])
-        if not held.all():
-            coefficients = _coefficients(samples[~held])
-            medians += _block_medians(samples[held], coefficients)
-    return max(ONE_FRAME_RESIDUAL_PX if single else 0.0, (1 + 1 / frames) * _one_sigma(medians))
+
+    residual_px: float
+    sigma_scale: float
+    covariance: Float64
+
+    @classmethod
+    def of(cls, samples: DisparitySamples, terms: tuple[int, ...]) -> _HeldOut:
+        """Fit without each part in turn.
+
+        A few frames look more alike than the frames to come, so that n of them show too little of
+        what differs: by 1 + 1/n (measured on KITTI stereo 2015: fits to 1, 3, 5 and 11 frames,
+        claims 0.66, 0.27, 0.26, 0.25 px, found on the 11 other frames 0.61, 0.39, 0.29, 0.29 px).
+        """
+        frames, part = len(np.unique(samples.frame)), parts_of(samples)
+        medians: list[float] = []
+        errors, fits = np.empty(len(samples)), []
+        turns = np.unique(part)
+        for turn in turns:
+            held = part == turn
+            rest = samples if held.all() else samples[~held]
+            fits.append(coefficients(rest, terms))
+            medians += block_medians(samples[held], fits[-1])
+            errors[held] = residual(samples[held], fits[-1])
+        least = ONE_FRAME_RESIDUAL_PX if frames == 1 else 0.0
+        residual_px = max(least, (1 + 1 / frames) * _one_sigma(medians))
+        spread = np.array(fits) - np.mean(fits, axis=0)
+        covariance = (len(turns) - 1) / len(turns) * spread.T @ spread
+        return cls(residual_px, _sigma_scale(samples, errors, residual_px), covariance)
 
 
-def _block_columns(samples: DisparitySamples) -> Int64:
-    return (samples.u * BLOCK_COLUMNS / samples.size_px[0]).astype(np.int64)
+def _sigma_scale(samples: DisparitySamples, error_px: Float64, systematic_px: float) -> float:
+    """Factor on sigma so that 68.27 % of the errors lie within it and the systematic error.
 
-
-def _block_medians(samples: DisparitySamples, coefficients: Float64) -> Iterator[float]:
-    """Median residual of each block of each frame that has enough samples."""
-    features = DisparityCorrection.features(samples.measured, samples.u, samples.v, samples.size_px)
-    residual = samples.measured - features @ coefficients - samples.reference
+    |e|^2 <= (k sigma)^2 + systematic^2 holds for k >= sqrt(|e|^2 - systematic^2) / sigma. Near and
+    far surfaces count alike, however many more pixels the near ones have.
+    """
+    if samples.sigma is None:
+        return 1.0
+    beyond = np.sqrt(np.maximum(error_px**2 - systematic_px**2, 0.0)) / samples.sigma
     band = np.digitize(samples.reference, BLOCK_BANDS_PX)
-    block = samples.frame * BLOCK_COLUMNS + _block_columns(samples)
-    block = block * (len(BLOCK_BANDS_PX) + 1) + band
-    order = np.argsort(block, kind="stable")
-    for inside in np.split(residual[order], np.flatnonzero(np.diff(block[order])) + 1):
-        if len(inside) >= MIN_BLOCK_SAMPLES:
-            yield float(np.median(inside))
+    weight = 1.0 / np.bincount(band)[band]
+    order = np.argsort(beyond, kind="stable")
+    share = np.cumsum(weight[order]) / weight.sum()
+    scale = float(beyond[order][np.searchsorted(share, ONE_SIGMA_SHARE)])
+    return scale if scale > 0 else 1.0
 
 
 def _one_sigma(medians: list[float]) -> float:

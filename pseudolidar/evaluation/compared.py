@@ -83,7 +83,8 @@ class ComparedFrame:
         """(N,) sigma of the disparity, the rig's systematic error included."""
         if self.sigma_px is None:
             return None
-        return total_sigma(self.sigma_px, self.rig.systematic_sigma_px)
+        rig = self.rig
+        return total_sigma(self.sigma_px, rig.systematic_sigma_px, scale=rig.sigma_scale)
 
     def thinned(self, most: int) -> ComparedFrame:
         """At most so many of the points, evenly spread over the image."""

@@ -18,7 +18,8 @@ from pseudolidar.evaluation.sigma import (
 )
 from pseudolidar.geometry.triangulation import corrected_disparity, depth_from_disparity
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.camera import DisparityCorrection, StereoRig
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.samples import DisparitySamples
 
 

@@ -9,7 +9,7 @@ import math
 
 from numba import boolean, float32, float64, int64, njit, types, uint8
 
-from pseudolidar.structures.camera import DisparityCorrection
+from pseudolidar.structures.correction import DisparityCorrection
 
 # ITU-R BT.601 luma, the weights of OpenCV's RGB2GRAY, of a white of 255. Factors instead of
 # quotients: a division takes as long as ten multiplications.
@@ -17,7 +17,7 @@ PER_LEVEL = 1.0 / 255.0
 RED, GREEN, BLUE = 0.299 * PER_LEVEL, 0.587 * PER_LEVEL, 0.114 * PER_LEVEL
 DISPARITY_UNIT_PX = DisparityCorrection.DISPARITY_UNIT_PX
 # Order of the scalars in `pair` and `gates`.
-DOFFS, STRETCH, TZ, SYSTEMATIC = range(4)
+DOFFS, STRETCH, TZ, SYSTEMATIC, SIGMA_SCALE = range(5)
 MIN_RANGE, MAX_RANGE, MIN_HEIGHT, MAX_HEIGHT, MAX_SIGMA, MAX_SIGMA_REL = range(6)
 
 
@@ -93,7 +93,7 @@ def reproject_pixels(  # type: ignore[no-untyped-def]
         L: (3, 4) projection of the left camera.
         R: (3, 4) projection of the right camera.
         correction: (8,) coefficients of `DisparityCorrection`, zeros for none.
-        pair: (4,) doffs px, tz / fB 1/px, tz m, systematic sigma px.
+        pair: (5,) doffs px, tz / fB 1/px, tz m, systematic sigma px, factor on the map's sigma.
         gates: (6,) range m, height m, sigma m, sigma relative to range.
         organised: write every pixel at its place, NaN where there is no point.
         xyz: (N, 3) out, m.
@@ -129,7 +129,7 @@ def reproject_pixels(  # type: ignore[no-untyped-def]
                 kept = gates[MIN_RANGE] <= reach <= gates[MAX_RANGE]
                 kept &= gates[MIN_HEIGHT] <= -Y <= gates[MAX_HEIGHT]
                 if not no_sigma:
-                    s = float64(sigma[v, u])
+                    s = pair[SIGMA_SCALE] * float64(sigma[v, u])
                     ray_per_px = (Z + pair[TZ]) * reach / ((d + pair[DOFFS]) * Z)
                     error_m = math.sqrt(s * s + systematic) * ray_per_px
                     kept &= error_m <= gates[MAX_SIGMA]

@@ -9,7 +9,7 @@ import numpy as np
 
 from pseudolidar.errors import CalibrationSizeMismatch, CalibrationValue, NotRectified
 from pseudolidar.structures.arrays import Float64, check_array
-from pseudolidar.structures.correction import RowCorrection
+from pseudolidar.structures.correction import DisparityCorrection, RowCorrection
 from pseudolidar.structures.pose import Pose
 
 # Systematic disparity error of a rig whose calibration nobody checked, px (measured on KITTI: about
@@ -82,61 +82,6 @@ class Camera:
                 want=f"{self.width_px}x{self.height_px}, the size of the calibration",
                 fix="Pass --scale-calibration if the images were resized, or the right rig.",
             )
-
-
-@dataclass(frozen=True, eq=False)
-class DisparityCorrection:
-    """Smooth systematic error of a rig's disparities: `d_true = d - c . phi(d, u, v)`.
-
-    phi = (1, d/50, x, y, x^2, x y, y^2, x^3); x, y are pixel coordinates scaled to [-1, 1] by the
-    image size.
-
-    Args:
-        coefficients: (8,) float64, px.
-        residual_px: systematic error that is left after the correction, one standard deviation.
-        origin: what it was fitted to, in words.
-
-    Source: measured on KITTI stereo 2015 against Velodyne; the bias belongs to the rig and not
-        to the matcher.
-    """
-
-    coefficients: Float64
-    residual_px: float
-    origin: str = ""
-
-    DISPARITY_UNIT_PX = 50.0
-
-    def __post_init__(self) -> None:
-        check_array("DisparityCorrection", "coefficients", self.coefficients, (8,), np.float64)
-        if not (np.isfinite(self.coefficients).all() and self.residual_px >= 0):
-            raise CalibrationValue(
-                "non-finite coefficients or negative residual", where="correction"
-            )
-
-    @classmethod
-    def features(cls, d: Float64, u: Float64, v: Float64, size_px: tuple[int, int]) -> Float64:
-        """(N, 8) features of disparities `d` at pixels `u`, `v`, each (N,)."""
-        x = 2.0 * u / (size_px[0] - 1) - 1.0
-        y = 2.0 * v / (size_px[1] - 1) - 1.0
-        columns = (np.ones_like(x), d / cls.DISPARITY_UNIT_PX, x, y, x * x, x * y, y * y, x**3)
-        return np.stack(columns, axis=-1)
-
-    def offset_px(self, d: Float64, u: Float64, v: Float64, size_px: tuple[int, int]) -> Float64:
-        """(N,) px to subtract from measured disparities."""
-        features = self.features(d, u, v, size_px)
-        offset = self.coefficients[0] * features[..., 0]
-        for column in range(1, len(self.coefficients)):  # no BLAS: it rounds by its threads
-            offset += self.coefficients[column] * features[..., column]
-        return np.asarray(offset)
-
-    def scaled(self, ratio: float) -> DisparityCorrection:
-        """The correction for images whose width, and with it disparity, is `ratio` times as large.
-
-        The second coefficient is multiplied by the disparity, which already scales.
-        """
-        coefficients = self.coefficients * ratio
-        coefficients[1] = self.coefficients[1]
-        return replace(self, coefficients=coefficients, residual_px=self.residual_px * ratio)
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,6 +202,11 @@ class StereoRig:
     def systematic_sigma_px(self) -> float:
         """Systematic disparity error inside every sigma: unrefined 0.5 px, refined its residual."""
         return UNREFINED_SIGMA_PX if self.correction is None else self.correction.residual_px
+
+    @property
+    def sigma_scale(self) -> float:
+        """Factor on the matcher's sigma that the rig's refinement found; 1 unrefined."""
+        return 1.0 if self.correction is None else self.correction.sigma_scale
 
     def with_correction(self, correction: DisparityCorrection | None) -> StereoRig:
         """The same rig with another disparity correction."""

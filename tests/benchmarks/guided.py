@@ -33,8 +33,8 @@ from pseudolidar.sources.source import FrameSource
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.reproject import Reproject
-from pseudolidar.structures.camera import DisparityCorrection
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import LidarScan, StereoFrame
 from pseudolidar.structures.samples import DisparitySamples

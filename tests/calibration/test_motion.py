@@ -16,7 +16,8 @@ from pseudolidar.geometry.tracking import MatchedPair
 from pseudolidar.geometry.twists import exp_twist
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census
-from pseudolidar.structures.camera import UNREFINED_SIGMA_PX, DisparityCorrection
+from pseudolidar.structures.camera import UNREFINED_SIGMA_PX
+from pseudolidar.structures.correction import DisparityCorrection
 from tests.moving_rig import STEP, motions_of, rig, tracks
 
 NO_FAR = FarPoints(0, None, None)

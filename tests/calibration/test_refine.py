@@ -5,7 +5,7 @@ import pytest
 
 from pseudolidar.calibration.refine import ONE_FRAME_RESIDUAL_PX, fit
 from pseudolidar.errors import CalibrationValue
-from pseudolidar.structures.camera import DisparityCorrection
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.samples import DisparitySamples
 
 SIZE_PX = (1242, 375)

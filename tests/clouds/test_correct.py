@@ -16,7 +16,8 @@ from pseudolidar.geometry.depth import depth_map
 from pseudolidar.geometry.frames import R_BODY_OPTICAL
 from pseudolidar.geometry.triangulation import disparity_from_depth, points_by_q
 from pseudolidar.stereo.reproject import Reproject
-from pseudolidar.structures.camera import Camera, DisparityCorrection, StereoRig
+from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import LidarScan, StereoFrame
 from pseudolidar.structures.pose import Pose

@@ -5,7 +5,7 @@ import pytest
 
 from pseudolidar.errors import ReferenceMissing
 from pseudolidar.evaluation.compared import against_scan, against_truth
-from pseudolidar.structures.camera import DisparityCorrection
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from tests.evaluation.test_lidar import HEIGHT_PX, WIDTH_PX, frame, wall
 

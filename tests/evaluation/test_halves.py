@@ -6,7 +6,8 @@ import pytest
 from pseudolidar.calibration.refine import fit
 from pseudolidar.evaluation.halves import FrameSamples, judge_halves, residuals
 from pseudolidar.geometry.triangulation import depth_from_disparity, disparity_from_depth
-from pseudolidar.structures.camera import Camera, DisparityCorrection, StereoRig
+from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.pose import Pose
 from pseudolidar.structures.samples import DisparitySamples
 

@@ -3,7 +3,8 @@ import pytest
 
 from pseudolidar.geometry.depth import depth_map
 from pseudolidar.geometry.triangulation import corrected_disparity, depth_from_disparity
-from pseudolidar.structures.camera import Camera, DisparityCorrection, StereoRig
+from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.pose import Pose
 

@@ -13,7 +13,8 @@ from pseudolidar.geometry.triangulation import (
     points_by_p,
     points_by_q,
 )
-from pseudolidar.structures.camera import Camera, DisparityCorrection, StereoRig
+from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.pose import Pose
 
 # P2 and P3 as KITTI's object and raw layouts publish them for 2011_09_26.

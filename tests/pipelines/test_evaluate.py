@@ -15,7 +15,8 @@ from pseudolidar.formats.rigs.rig_json import write_rig
 from pseudolidar.sources.kitti.raw import KittiRaw
 from pseudolidar.sources.kitti.stereo import KittiStereo
 from pseudolidar.stereo.sgbm import Sgbm
-from pseudolidar.structures.camera import Camera, DisparityCorrection, StereoRig
+from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.pose import Pose
 

@@ -35,7 +35,7 @@ from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.sources.tum_depth import TumDepth
 from pseudolidar.stereo.given_check import check_readings
 from pseudolidar.stereo.given_maps import GivenMaps, StoredSteps, files_of
-from pseudolidar.structures.camera import DisparityCorrection
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 

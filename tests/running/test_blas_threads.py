@@ -12,7 +12,7 @@ import numpy as np
 from pseudolidar.clouds.ground import Label
 from pseudolidar.clouds.normals import Normals
 from pseudolidar.geometry.normals import _line
-from pseudolidar.structures.camera import DisparityCorrection
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.pose import Pose
 from pseudolidar.geometry.frames import R_BODY_OPTICAL

@@ -24,7 +24,8 @@ from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.other_rig import calibration_date, with_rig
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSource
-from pseudolidar.structures.camera import DisparityCorrection, StereoRig
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.pose import Pose
 

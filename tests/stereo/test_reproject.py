@@ -8,7 +8,8 @@ from pseudolidar.geometry import triangulation
 from pseudolidar.geometry.grey import LUMA
 from pseudolidar.geometry.projection import project
 from pseudolidar.stereo.reproject import Reproject
-from pseudolidar.structures.camera import Camera, DisparityCorrection, StereoRig
+from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.pose import Pose

@@ -8,12 +8,8 @@ import numpy as np
 import pytest
 
 from pseudolidar.errors import CalibrationSizeMismatch, CalibrationValue, NotRectified
-from pseudolidar.structures.camera import (
-    UNREFINED_SIGMA_PX,
-    Camera,
-    DisparityCorrection,
-    StereoRig,
-)
+from pseudolidar.structures.camera import UNREFINED_SIGMA_PX, Camera, StereoRig
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.pose import Pose
 
 WIDTH, HEIGHT = 640, 480

@@ -74,11 +74,11 @@ def numbers(node: Node, length: int | None = None) -> Float64:
     return np.array([number(item) for item in node.value], dtype=np.float64)
 
 
-def matrix(node: Node) -> Float64:
-    """(3, 3) numbers."""
-    if not isinstance(node.value, tuple) or len(node.value) != 3:
-        raise wrong(node, "3 rows of 3 numbers, [[ ], [ ], [ ]]")
-    return np.stack([numbers(row, 3) for row in node.value])
+def matrix(node: Node, size: int = 3) -> Float64:
+    """(size, size) numbers."""
+    if not isinstance(node.value, tuple) or len(node.value) != size:
+        raise wrong(node, f"{size} rows of {size} numbers, [[ ], [ ], ...]")
+    return np.stack([numbers(row, size) for row in node.value])
 
 
 def wrong(node: Node, want: str) -> CalibrationSyntax:

@@ -150,6 +150,10 @@ def rig_text(rig: StereoRig) -> str:
                 "residual_px": part.residual_px,
                 "origin": part.origin,
             }
+    if rig.correction is not None:
+        fields["correction"]["sigma_scale"] = rig.correction.sigma_scale
+        if rig.correction.covariance is not None:
+            fields["correction"]["covariance"] = rig.correction.covariance.tolist()
     return _pretty(fields) + "\n"
 
 

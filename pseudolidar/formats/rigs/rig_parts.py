@@ -6,7 +6,7 @@ Errors are those of `rig_fields`, and `CalibrationValue` for what no camera or r
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, TypeVar, cast
+from typing import Literal, cast
 
 import numpy as np
 
@@ -28,11 +28,9 @@ from pseudolidar.formats.rigs.rig_fields import (
     text,
 )
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.camera import Camera, DisparityCorrection
-from pseudolidar.structures.correction import RowCorrection
+from pseudolidar.structures.camera import Camera
+from pseudolidar.structures.correction import DisparityCorrection, RowCorrection
 from pseudolidar.structures.pose import Pose, rotation_error
-
-Fitted = TypeVar("Fitted", DisparityCorrection, RowCorrection)
 
 LEFT, RIGHT, VELODYNE, IMU = "camera_left", "camera_right", "velodyne", "imu"
 # Numbers of OpenCV's lens models: k1 k2 p1 p2 [k3 [k4 k5 k6 [s1-s4 [tx ty]]]]; fisheye k1-k4.
@@ -162,20 +160,27 @@ def _pose(node: Node, dst: str, src: str) -> Pose:
 
 def correction(node: Node) -> DisparityCorrection:
     """The disparity correction."""
-    return _fitted(node, DisparityCorrection, 8)
+    fields = fields_of(
+        node, ("coefficients", "residual_px"), ("origin", "sigma_scale", "covariance")
+    )
+    try:
+        return DisparityCorrection(
+            numbers(fields["coefficients"], 8),
+            number(fields["residual_px"]),
+            text(fields["origin"]) if "origin" in fields else "",
+            number(fields["sigma_scale"]) if "sigma_scale" in fields else 1.0,
+            matrix(fields["covariance"], 8) if "covariance" in fields else None,
+        )
+    except CalibrationValue as error:
+        raise at_node(error, fields["residual_px"]) from None
 
 
 def rows(node: Node) -> RowCorrection:
     """The row correction."""
-    return _fitted(node, RowCorrection, 9)
-
-
-def _fitted(node: Node, kind: type[Fitted], count: int) -> Fitted:
-    """A polynomial with `count` coefficients."""
     fields = fields_of(node, ("coefficients", "residual_px"), ("origin",))
     origin = text(fields["origin"]) if "origin" in fields else ""
-    coefficients = numbers(fields["coefficients"], count)
+    coefficients = numbers(fields["coefficients"], 9)
     try:
-        return kind(coefficients, number(fields["residual_px"]), origin)
+        return RowCorrection(coefficients, number(fields["residual_px"]), origin)
     except CalibrationValue as error:
         raise at_node(error, fields["residual_px"]) from None

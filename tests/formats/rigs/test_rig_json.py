@@ -30,8 +30,8 @@ from pseudolidar.formats.rigs.rig_json import (
     rig_warnings,
     write_rig,
 )
-from pseudolidar.structures.camera import Camera, DisparityCorrection, StereoRig
-from pseudolidar.structures.correction import RowCorrection
+from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.correction import DisparityCorrection, RowCorrection
 from pseudolidar.structures.pose import Pose
 
 

@@ -21,7 +21,7 @@ from pseudolidar.errors import (
 from pseudolidar.formats.rigs.rig_json import rig_text
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.recording.recording import Recording
-from pseudolidar.structures.camera import DisparityCorrection
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, RecordedCloud
 from tests.recordings import (

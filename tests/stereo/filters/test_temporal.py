@@ -20,7 +20,7 @@ from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.sightings import SPARE, Sightings
 from pseudolidar.stereo.filters.temporal import Kalman
 from pseudolidar.stereo.reproject import Reproject
-from pseudolidar.structures.camera import DisparityCorrection
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.pose import Pose
 from tests.stereo.pairs import frame

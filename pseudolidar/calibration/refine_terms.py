@@ -1,0 +1,140 @@
+"""Which terms a disparity correction may have: what the data carry, and what holds outside them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pseudolidar.calibration.refine_fit import block_columns, block_medians, coefficients
+from pseudolidar.structures.arrays import Float64, Int64
+from pseudolidar.structures.samples import DisparitySamples
+
+ONE, D, X, Y, XX, XY, YY, XXX = range(8)
+# From nothing to all: what a rig does first stands first. A vergence (x^2) and a scale (d) are what
+# wrong calibrations have; tilts and the rest follow.
+LADDER: tuple[tuple[str, tuple[int, ...]], ...] = (
+    ("none", ()),
+    ("offset", (ONE,)),
+    ("offset and scale", (ONE, D)),
+    ("offset and vergence", (ONE, XX)),
+    ("offset, scale, vergence", (ONE, D, XX)),
+    ("offset, scale, tilt", (ONE, D, X, Y)),
+    ("offset, scale, tilt, vergence", (ONE, D, X, Y, XX)),
+    ("all", (ONE, D, X, Y, XX, XY, YY, XXX)),
+)
+FOLDS = 5
+# A simpler set is taken where it is worse by no more standard errors, or by less than this, px.
+ALIKE_SIGMAS, ALIKE_PX = 1.0, 0.005
+# Coverage that terms need: share of the image's width and height between the outer 5 % of the
+# samples, and largest disparity over smallest, likewise.
+MIN_COLUMNS, MIN_ROWS, MIN_DISPARITIES = 0.5, 0.3, 2.0
+OUTER = (0.05, 0.95)
+# All eight terms want this many frames: fewer see too few places with too few disparities.
+MIN_FRAMES_FOR_ALL = 3
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A set of terms and what it leaves on data outside the fit.
+
+    Args:
+        name: in words.
+        terms: numbers of the features.
+        left_px: mean absolute median error of blocks outside the fit; None where it was not tried.
+        refused: why the data do not carry it; empty where they do.
+    """
+
+    name: str
+    terms: tuple[int, ...]
+    left_px: float | None
+    refused: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """The fields."""
+        return vars(self) | {"terms": list(self.terms)}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The terms that are fitted, and those that were tried.
+
+    Args:
+        chosen: the simplest that is as good as the best.
+        candidates: all, from none to all terms.
+    """
+
+    chosen: Candidate
+    candidates: tuple[Candidate, ...]
+
+    @property
+    def refusals(self) -> tuple[str, ...]:
+        """What the data do not carry, each once."""
+        return tuple(dict.fromkeys(c.refused for c in self.candidates if c.refused))
+
+
+def parts_of(samples: DisparitySamples) -> Int64:
+    """(N,) number of the part that each sample is left out with: frames; of one, its columns."""
+    frames = np.unique(samples.frame, return_inverse=True)[1]
+    part = block_columns(samples) if not frames.any() else frames
+    return np.asarray(part % max(2, min(FOLDS, int(part.max()) + 1)), np.int64)
+
+
+def choose_terms(samples: DisparitySamples) -> Choice:
+    """The simplest set of terms that is as good as the best one on parts outside the fit."""
+    part = parts_of(samples)
+    tried: list[tuple[Candidate, Float64]] = []
+    candidates: list[Candidate] = []
+    for name, terms in LADDER:
+        refused = _not_carried(samples, terms)
+        if refused:
+            candidates.append(Candidate(name, terms, None, refused))
+            continue
+        left = _left_by_part(samples, part, terms)
+        candidates.append(Candidate(name, terms, float(left.mean())))
+        tried.append((candidates[-1], left))
+    best = min(tried, key=lambda pair: float(pair[1].mean()))[1]
+    chosen = next(candidate for candidate, left in tried if _alike(left, best))
+    return Choice(chosen, tuple(candidates))
+
+
+def _alike(left: Float64, best: Float64) -> bool:
+    more = left - best
+    chance = ALIKE_SIGMAS * more.std(ddof=1) / np.sqrt(len(more)) if len(more) > 1 else 0.0
+    return bool(more.mean() <= max(ALIKE_PX, chance))
+
+
+def _left_by_part(samples: DisparitySamples, part: Int64, terms: tuple[int, ...]) -> Float64:
+    """(parts,) mean absolute median error of the blocks of each part, fitted to the others."""
+    left = []
+    for turn in np.unique(part):
+        held = part == turn
+        if held.all():
+            continue
+        fitted = coefficients(samples[~held], terms)
+        medians = np.abs(list(block_medians(samples[held], fitted)))
+        if len(medians):
+            left.append(float(medians.mean()))
+    return np.array(left or [0.0])
+
+
+def _not_carried(samples: DisparitySamples, terms: tuple[int, ...]) -> str:
+    """What is missing for a set of terms; empty where nothing is."""
+    width, height = samples.size_px
+    low, high = np.quantile(samples.reference, OUTER)
+    columns = float(np.diff(np.quantile(samples.u, OUTER))[0]) / width
+    rows = float(np.diff(np.quantile(samples.v, OUTER))[0]) / height
+    frames = len(np.unique(samples.frame))
+    if D in terms and high < MIN_DISPARITIES * low:
+        return (
+            f"a scale needs disparities that differ by {MIN_DISPARITIES:g} times; "
+            f"they are {low:.1f} to {high:.1f} px"
+        )
+    if {X, XX, XXX} & set(terms) and columns < MIN_COLUMNS:
+        return f"tilt and vergence need {MIN_COLUMNS:.0%} of the width; {columns:.0%} is covered"
+    if {Y, YY} & set(terms) and rows < MIN_ROWS:
+        return f"tilt needs {MIN_ROWS:.0%} of the height; {rows:.0%} is covered"
+    if len(terms) == len(LADDER[-1][1]) and frames < MIN_FRAMES_FOR_ALL:
+        return f"all terms need {MIN_FRAMES_FOR_ALL} frames; there are {frames}"
+    return ""
