@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from pseudolidar.calibration.check_rows import ROWS
 from pseudolidar.calibration.motion import Motion
+from pseudolidar.calibration.reference import Reference
 from pseudolidar.calibration.rows import Rows
 from pseudolidar.errors import UsageError
 from pseudolidar.formats.rigs.rig_json import write_rig
@@ -17,6 +18,8 @@ from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.motion_refining import PictureRefinement, refined_by_pictures
 from pseudolidar.running.preflight import preflight
+from pseudolidar.running.reference_refining import ReferenceRefinement, refined_by_reference
+from pseudolidar.sources.aligned_rows import with_rows_aligned
 from pseudolidar.sources.other_rig import opened_as_taken
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select
@@ -29,18 +32,21 @@ from pseudolidar.stereo.sgbm import Bm, Sgbm
 class Refine:
     """Fit what the calibration of SOURCE left, and store it in a rig file.
 
-    Every later command applies it when it is given `--rig rig.json`, and says so. Without a LiDAR
-    the motion of a sequence tells the offset of its disparities, and points that both eyes see tell
-    how rows differ; the scale of the depths cannot be seen that way, and stays as it is.
+    Every later command applies it when it is given `--rig rig.json`, and says so. Fitted is the
+    smooth error of the disparities, to LiDAR scans or ground truth; the table says what that is
+    worth on frames outside the fit. Without a LiDAR the motion of a sequence tells the offset of
+    its disparities, and points that both eyes see tell how rows differ; the scale of the depths
+    cannot be seen that way, and stays as it is.
 
+        pseudolidar refine training --frames 0::2 --out rig.json
         pseudolidar refine 2011_09_26_drive_0002_sync --by motion --out rig.json
         pseudolidar convert 2011_09_26_drive_0002_sync out --rig rig.json
 
     Args:
         source: pairs of pictures of one rig; for `motion` frames that follow one another.
         out: the rig file.
-        by: what the fit is based on.
-        matcher: how disparities are found.
+        by: what the fit is based on: `reference` (scans, or ground truth), `motion`, `rows`.
+        matcher: how disparities are found; the correction belongs to the rig, not to it.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         exclude: not these.
         rig: calibration that replaces the source's cameras: a rig.json, OpenCV YAML, XML or JSON,
@@ -60,8 +66,8 @@ class Refine:
 
     source: Annotated[Source, Recognised(recognise)]
     out: Annotated[Path, RUN_ONLY] = Path("rig.json")
-    by: Motion | Rows = field(default_factory=Motion)
-    matcher: Census | Sgbm | Bm = field(default_factory=Census)
+    by: Reference | Motion | Rows = field(default_factory=Reference)
+    matcher: Census | Sgbm | Bm = field(default_factory=lambda: Census(quality="fine"))
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
     rig: Path | None = None
@@ -80,13 +86,20 @@ def run(job: Refine) -> RefineReport:
 
     Raises:
         UsageError: OUT is there already.
+        ReferenceMissing, CalibrationValue: no reference, or too little of it.
         MotionInsufficient: the sequence does not carry what is asked of its motion.
     """
     check_place(job.out, overwrite=job.overwrite)
     source, crew = opened(job), CrewPlan(job.workers)
     warnings = preflight(source, wanted=job.check, crew=crew, mends=(ROWS,))
     matcher = job.matcher.load(min_depth_m=nearest_depth_m(job.min_depth, source))
-    found = refined_by_pictures(source, job.by, matcher, crew=crew, on_error=job.on_error)
+    found: ReferenceRefinement | PictureRefinement
+    if isinstance(job.by, Reference):
+        aligned = pairs_of(with_rows_aligned(source))
+        found = refined_by_reference(aligned, job.by, matcher, crew=crew, on_error=job.on_error)
+        found = found.with_rows(source.rig.rows)
+    else:
+        found = refined_by_pictures(source, job.by, matcher, crew=crew, on_error=job.on_error)
     line = source.summary.line
     if not found.changed:
         return RefineReport(line, None, found, warnings)
@@ -131,7 +144,7 @@ class RefineReport:
 
     subject: str
     out: Path | None
-    found: PictureRefinement
+    found: ReferenceRefinement | PictureRefinement
     warnings: tuple[str, ...] = ()
 
     @property

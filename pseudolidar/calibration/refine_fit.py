@@ -73,7 +73,7 @@ def block_columns(samples: DisparitySamples) -> Int64:
 
 
 def block_medians(samples: DisparitySamples, fitted: Float64) -> Iterator[float]:
-    """Median error left of each block of each frame that has enough samples, px; sure ones count."""
+    """Median error left of each block of a frame that has enough samples, px; weighed by sigma."""
     left = residual(samples, fitted)
     weight = np.ones_like(left) if samples.sigma is None else samples.sigma**-2.0
     band = np.digitize(samples.reference, BLOCK_BANDS_PX)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -41,6 +42,7 @@ class ComparedFrame:
         slope: (N, 2) how the disparity changes along the columns and the rows, px a px; NaN beside
             edges and holes.
         place_m: (3,) where the rig stood, of `T_map_base_link`; None where nobody knows.
+        kind: what the reference is.
     """
 
     id: str
@@ -54,6 +56,7 @@ class ComparedFrame:
     sigma_px: Float64 | None
     slope: Float64
     place_m: Float64 | None = None
+    kind: Literal["scan", "truth"] = "scan"
 
     def __len__(self) -> int:
         return len(self.reference_m)
@@ -156,7 +159,8 @@ def against_truth(
     true_px = frame.truth.values[row, column].astype(np.float64)
     depth_m = depth_from_disparity(true_px, column.astype(np.float64), frame.rig)
     near = np.isfinite(depth_m)
-    return _compared(disparity, frame, column[near], row[near], depth_m[near])
+    compared = _compared(disparity, frame, column[near], row[near], depth_m[near])
+    return replace(compared, kind="truth")
 
 
 def projected(frame: StereoFrame) -> ProjectedScan:

@@ -1,0 +1,291 @@
+"""A rig put right by depths that are known, and what that is worth on frames outside the fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from pseudolidar.calibration.reference import Reference
+from pseudolidar.calibration.refine import Refinement, refined
+from pseudolidar.errors import ALL_DONE, SOME_SKIPPED, PseudolidarError, ReferenceMissing
+from pseudolidar.evaluation.compared import ComparedFrame, against_scan, against_truth
+from pseudolidar.evaluation.ranges import RangeErrors, errors_by_range
+from pseudolidar.evaluation.sigma import SigmaShares, sigma_shares
+from pseudolidar.running.bad_frames import OnError, good_frames
+from pseudolidar.running.crew.attempt import Skipped
+from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.progress import FrameProgress
+from pseudolidar.running.stream import stream
+from pseudolidar.running.table import table_text
+from pseudolidar.sources.source import FrameSource
+from pseudolidar.stereo.matcher import StereoMatcher
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.correction import DisparityCorrection, RowCorrection
+from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.samples import DisparitySamples
+
+# Frames are left out in so many turns to judge what the correction is worth.
+FOLDS = 5
+
+
+@dataclass(frozen=True)
+class CompareFrame:
+    """Matches one frame and compares it with its reference.
+
+    Args:
+        matcher: pair to disparity.
+        kind: which reference.
+        most: points to keep.
+    """
+
+    matcher: StereoMatcher
+    kind: str
+    most: int
+
+    def __call__(self, frame: StereoFrame) -> ComparedFrame | None:
+        """The comparison; None where the frame has no such reference."""
+        if self.kind != "truth" and frame.scan is not None:
+            return against_scan(self.matcher(frame), frame).thinned(self.most)
+        if self.kind != "scan" and frame.truth is not None:
+            return against_truth(self.matcher(frame), frame, most=self.most)
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Errors of frames, by range.
+
+    Args:
+        by_range: relative depth errors.
+        sigma: shares of the errors within the stated sigma; None without sigma.
+    """
+
+    by_range: tuple[RangeErrors, ...]
+    sigma: SigmaShares | None
+
+    @classmethod
+    def of(cls, frames: Sequence[ComparedFrame]) -> Judged:
+        """Pooled over all points of all frames, by their rigs as they are."""
+        depth_m = np.concatenate([frame.depth_m for frame in frames])
+        reference_m = np.concatenate([frame.reference_m for frame in frames])
+        error_px = np.concatenate([frame.corrected_px - frame.reference_px for frame in frames])
+        sigmas = [frame.total_sigma_px for frame in frames]
+        known = [sigma for sigma in sigmas if sigma is not None]
+        shares = None
+        if len(known) == len(sigmas):
+            both = np.isfinite(error_px)
+            shares = sigma_shares(error_px[both], np.concatenate(known)[both])
+        return cls(errors_by_range(depth_m, reference_m), shares)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        sigma = None if self.sigma is None else self.sigma.as_dict()
+        return {"bins": [each.as_dict() for each in self.by_range], "sigma": sigma}
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceRefinement:
+    """A rig, and what it is worth.
+
+    Args:
+        rig: with its correction.
+        refinement: how that was found.
+        before: errors by the rig as it came.
+        after: errors of each frame by a correction fitted to other frames; None for one frame.
+        kinds: how many frames were compared with what.
+        without: frames that have no reference.
+        skipped: id and reason of frames that could not be used.
+        replaced: whether the rig had a correction that this one replaces.
+    """
+
+    rig: StereoRig
+    refinement: Refinement
+    before: Judged
+    after: Judged | None
+    kinds: dict[str, int]
+    without: int
+    skipped: Sequence[tuple[str, str]]
+    replaced: bool
+
+    def with_rows(self, rows: RowCorrection | None) -> ReferenceRefinement:
+        """The same for pictures whose rows `rows` puts right."""
+        return replace(self, rig=self.rig.with_rows(rows))
+
+    @property
+    def exit_code(self) -> int:
+        """4 if frames were skipped, else 0."""
+        return SOME_SKIPPED if self.skipped else ALL_DONE
+
+    @property
+    def changed(self) -> bool:
+        """Whether there is anything to be stored."""
+        return bool(self.refinement.choice.chosen.terms)
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """For people."""
+        found, correction = self.refinement, self.refinement.correction
+        kinds = ", ".join(f"{count} by {kind}" for kind, count in self.kinds.items())
+        lines = [f"{found.samples} points of {found.frames} frames ({kinds})"]
+        if self.without:
+            lines.append(f"{self.without} frames without a reference are left out")
+        lines += [f"not fitted: {refused}" for refused in found.choice.refusals]
+        tried = ", ".join(
+            f"{each.name} {each.left_px:.3f}"
+            for each in found.choice.candidates
+            if each.left_px is not None
+        )
+        lines.append(f"left on frames outside the fit, px: {tried}")
+        lines.append(
+            f"correction: {found.choice.chosen.name}; leaves {correction.residual_px:.2f} px; "
+            f"sigma of the matcher times {correction.sigma_scale:.2f}"
+        )
+        lines.append(self._table())
+        if self.after is None:
+            lines.append("one frame: what it is worth on others cannot be told")
+        if self.replaced:
+            lines.append("the correction that the rig had is replaced")
+        return (*lines, *(f"skipped: {name}: {reason}" for name, reason in self.skipped))
+
+    def _table(self) -> str:
+        heads = ("depth error", *(f"{b.from_m}-{b.to_m} m" for b in self.before.by_range), "sigma")
+        rows = [("before", *_cells(self.before))]
+        if self.after is not None:
+            rows.append(("after, on frames left out", *_cells(self.after)))
+        return table_text(rows, header=heads)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        correction = self.refinement.correction
+        covariance = correction.covariance
+        return {
+            "correction": {
+                "terms": self.refinement.choice.chosen.name,
+                "coefficients": correction.coefficients.tolist(),
+                "sigma_coefficients": None
+                if covariance is None
+                else np.sqrt(np.diag(covariance)).tolist(),
+                "residual_px": correction.residual_px,
+                "sigma_scale": correction.sigma_scale,
+                "origin": correction.origin,
+            },
+            "candidates": [each.as_dict() for each in self.refinement.choice.candidates],
+            "samples": self.refinement.samples,
+            "frames": self.refinement.frames,
+            "references": self.kinds,
+            "without_reference": self.without,
+            "before": self.before.as_dict(),
+            "after": None if self.after is None else self.after.as_dict(),
+            "replaced": self.replaced,
+            "skipped": [{"id": name, "reason": reason} for name, reason in self.skipped],
+        }
+
+
+def refined_by_reference(
+    source: FrameSource,
+    by: Reference,
+    matcher: StereoMatcher,
+    *,
+    crew: CrewPlan,
+    on_error: OnError = "skip",
+) -> ReferenceRefinement:
+    """Match and compare every frame, fit, and judge on frames left out of the fit.
+
+    Args:
+        source: pairs with scans or ground truth.
+        by: which of them.
+        matcher: pair to disparity.
+        crew: how the frames are done.
+        on_error: what happens when frames fail.
+
+    Raises:
+        ReferenceMissing: no frame has a reference.
+        CalibrationValue: too little of it, or frames of several image sizes.
+        TooManyBadFrames: as `good_frames`.
+    """
+    compare = CompareFrame(matcher, by.kind, max(1, by.most // max(1, len(source.ids))))
+    compared: list[ComparedFrame] = []
+    without = 0
+    skipped: list[Skipped] = []
+    outcomes = stream(source, compare, crew=crew)
+    with FrameProgress(len(source.ids)) as progress:
+        for frame in good_frames(
+            outcomes, frames=len(source.ids), on_error=on_error, skipped=skipped.append
+        ):
+            progress.advance()
+            if frame.value is None:
+                without += 1
+            else:
+                compared.append(frame.value)
+    if not compared:
+        raise ReferenceMissing(
+            f"{source.summary.line}: no frame has a reference",
+            want="frames with LiDAR scans or ground truth",
+            fix="Take another source, or fit to the motion of a sequence: --by motion.",
+            path=source.summary.path,
+        )
+    stock = [_corrected(each, None) for each in compared]
+    found = refined(_samples(stock), origin=_origin(source, stock))
+    return ReferenceRefinement(
+        rig=source.rig.with_correction(found.correction if found.choice.chosen.terms else None),
+        refinement=found,
+        before=Judged.of(compared),
+        after=_on_frames_left_out(stock),
+        kinds={kind: n for kind, n in _kinds(stock).items() if n},
+        without=without,
+        skipped=[(frame.id, str(frame.error)) for frame in skipped],
+        replaced=source.rig.correction is not None,
+    )
+
+
+def _samples(frames: Sequence[ComparedFrame]) -> DisparitySamples:
+    return DisparitySamples.concatenate([frame.samples() for frame in frames])
+
+
+def _kinds(frames: Sequence[ComparedFrame]) -> dict[str, int]:
+    return {kind: sum(f.kind == kind for f in frames) for kind in ("scan", "truth")}
+
+
+def _origin(source: FrameSource, frames: Sequence[ComparedFrame]) -> str:
+    words = {"scan": "LiDAR scans", "truth": "ground truth"}
+    kinds = " and ".join(words[kind] for kind, n in _kinds(frames).items() if n)
+    return f"{kinds} of {len(frames)} frames, {source.summary.line}"
+
+
+def _on_frames_left_out(frames: Sequence[ComparedFrame]) -> Judged | None:
+    """Each frame judged by a correction that was fitted to others; None for one frame."""
+    turns = min(FOLDS, len(frames))
+    if turns < 2:
+        return None
+    judged: list[ComparedFrame] = []
+    for turn in range(turns):
+        others = [frame for i, frame in enumerate(frames) if i % turns != turn]
+        try:
+            correction = refined(_samples(others)).correction
+        except PseudolidarError:
+            return None  # too few points without them
+        judged += [
+            replace(frame, rig=frame.rig.with_correction(correction))
+            for frame in frames[turn::turns]
+        ]
+    return Judged.of(judged)
+
+
+def _corrected(frame: ComparedFrame, correction: DisparityCorrection | None) -> ComparedFrame:
+    return replace(frame, rig=frame.rig.with_correction(correction))
+
+
+def _cells(judged: Judged) -> tuple[str, ...]:
+    cells = [
+        "-"
+        if b.median_rel is None or b.bias_rel is None
+        else f"{b.median_rel:.2%} ({100 * b.bias_rel:+.2f})"
+        for b in judged.by_range
+    ]
+    shares = judged.sigma
+    if shares is None or shares.within_1_sigma is None or shares.within_95 is None:
+        return (*cells, "-")
+    return (*cells, f"{shares.within_1_sigma:.0%} / {shares.within_95:.0%}")
