@@ -15,8 +15,9 @@ from pseudolidar.geometry.triangulation import (
     disparity_from_depth,
 )
 from pseudolidar.structures.arrays import Float64, Int64
-from pseudolidar.structures.camera import DisparityCorrection, StereoRig
+from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.frame import StereoFrame
 
 # LiDAR and stereo disagree by more than this where they see different surfaces, px.

@@ -10,7 +10,7 @@ from pseudolidar.errors import PseudolidarError, SourceEmpty, SourceUnknown, Usa
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.pictures.image import read_size
 from pseudolidar.formats.rigs.rig_file import find_rig, read_any_rig
-from pseudolidar.formats.rigs.rig_json import missing_rig, rig_warnings
+from pseudolidar.formats.rigs.rig_json import missing_rig, rig_notes
 from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit
 from pseudolidar.formats.time_table import read_time_table
 from pseudolidar.sources.folder_frames import FolderSource
@@ -217,9 +217,7 @@ def _summary(
 ) -> SourceSummary:
     pairing = layout.pairing
     warnings: Mapping[str, None] = dict.fromkeys(
-        note
-        for reading in readings
-        for note in (*reading.notes, *rig_warnings(reading.of_rectified))
+        note for reading in readings for note in (*reading.notes, *rig_notes(reading.of_rectified))
     )
     nearest_m = [reading.min_depth_m for reading in readings if reading.min_depth_m is not None]
     alone = len(pairing.unpaired)

@@ -9,7 +9,7 @@ from typing import ClassVar, Literal
 from pseudolidar.errors import PseudolidarError, SourceEmpty, SourceUnknown
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.pictures.image import read_image
-from pseudolidar.formats.rigs.rig_json import rig_warnings
+from pseudolidar.formats.rigs.rig_json import rig_notes
 from pseudolidar.formats.rigs.rig_reading import RigReading
 from pseudolidar.sources.folder_layout import list_folders
 from pseudolidar.sources.middlebury_scenes import YEARS, Scene, find_scene, read_truth, rig_of
@@ -165,7 +165,7 @@ def _summary(
     size = f"{rig.left.width_px}x{rig.left.height_px} px"
     scenes = f"{len(usable)} scenes" if len(usable) > 1 else f"scene {first.name}"
     notes = [note for _, other in usable for note in other.notes]
-    notes += [note for _, other in usable for note in rig_warnings(other.of_rectified)]
+    notes += [note for _, other in usable for note in rig_notes(other.of_rectified)]
     nearest = [other.min_depth_m for _, other in usable if other.min_depth_m is not None]
     return SourceSummary(
         kind="middlebury",

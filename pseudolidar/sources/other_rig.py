@@ -12,7 +12,7 @@ import numpy as np
 
 from pseudolidar.errors import CalibrationSizeMismatch, NotRectified, PseudolidarError
 from pseudolidar.formats.rigs.rig_file import read_any_rig
-from pseudolidar.formats.rigs.rig_json import rig_warnings
+from pseudolidar.formats.rigs.rig_json import rig_notes
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.geometry.frames import BASE_LINK, left_in_base_link
 from pseudolidar.sources.aligned_rows import AlignedRows, with_rows_aligned
@@ -229,7 +229,7 @@ def _notes(own: StereoRig, given: StereoRig) -> tuple[str, ...]:
     dates = calibration_date(own.origin), calibration_date(given.origin)
     if None not in dates and dates[0] != dates[1]:
         notes.append(f"warning: the rig is of {dates[1]}, the source's calibration of {dates[0]}")
-    return (*notes, *rig_warnings(given))
+    return (*notes, *rig_notes(given))
 
 
 def _other_size(rig: StereoRig, size_px: tuple[int, int]) -> CalibrationSizeMismatch:

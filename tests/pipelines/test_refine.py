@@ -56,7 +56,7 @@ def told(capsys, *arguments, status=0):
 
 
 def test_motion_and_rows_end_in_the_rig_file(flight, refined, capsys):
-    report = told(capsys, "refine", flight, "--out", refined, "--json")
+    report = told(capsys, "refine", flight, "--by", "motion", "--out", refined, "--json")
     assert report["out"] == str(refined)
     motion, rows = report["motion"], report["rows"]
     assert motion["offset_px"] == pytest.approx(OFFSET_PX, abs=0.06)
@@ -74,7 +74,7 @@ def test_motion_and_rows_end_in_the_rig_file(flight, refined, capsys):
 
 def test_the_rig_is_used_and_told_of(flight, refined, capsys, tmp_path):
     if not refined.exists():
-        assert main(["refine", str(flight), "--out", str(refined)]) == 0
+        assert main(["refine", str(flight), "--by", "motion", "--out", str(refined)]) == 0
     out = tmp_path / "clouds"
     arguments = ["convert", flight, out, "--rig", refined, "--frames", "0:1", "--workers", "1"]
     assert main([str(each) for each in arguments]) == 0
@@ -89,7 +89,7 @@ def test_the_rig_is_used_and_told_of(flight, refined, capsys, tmp_path):
 
 
 def test_text_says_what_cannot_be_seen(flight, tmp_path, capsys):
-    assert main(["refine", str(flight), "--out", str(tmp_path / "rig.json")]) == 0
+    assert main(["refine", str(flight), "--by", "motion", "--out", str(tmp_path / "rig.json")]) == 0
     text = capsys.readouterr().out
     assert "scale f B cannot be seen" in text
     assert "judged on frames left out" in text
@@ -98,9 +98,19 @@ def test_text_says_what_cannot_be_seen(flight, tmp_path, capsys):
 
 def test_no_file_where_motion_tells_nothing(flight, tmp_path, capsys):
     out = tmp_path / "rig.json"
-    error = told(capsys, "refine", flight, "--out", out, "--frames", "0:5", "--json", status=3)[
-        "error"
-    ]
+    error = told(
+        capsys,
+        "refine",
+        flight,
+        "--by",
+        "motion",
+        "--out",
+        out,
+        "--frames",
+        "0:5",
+        "--json",
+        status=3,
+    )["error"]
     assert error["code"] == "MotionInsufficient"
     assert "9 or more" in error["want"]
     assert not out.exists()
@@ -124,7 +134,9 @@ def test_exchanged_eyes_stop_it(flight, tmp_path, capsys):
 def test_a_file_is_not_written_over_unasked(flight, tmp_path, capsys):
     out = tmp_path / "rig.json"
     out.write_text("mine")
-    error = told(capsys, "refine", flight, "--out", out, "--json", status=2)["error"]
+    error = told(capsys, "refine", flight, "--by", "motion", "--out", out, "--json", status=2)[
+        "error"
+    ]
     assert "--overwrite" in error["fix"]
     assert out.read_text() == "mine"
 

@@ -23,7 +23,7 @@ from pseudolidar.formats.rigs.kitti import (
 from pseudolidar.formats.rigs.kitti_calibration import CAMERAS, KittiCalibration
 from pseudolidar.formats.rigs.middlebury import is_middlebury_calib, read_middlebury_calib
 from pseudolidar.formats.rigs.opencv_rig import SUFFIXES, eye_of, read_opencv_rig
-from pseudolidar.formats.rigs.rig_json import missing_rig, read_rig, rig_warnings
+from pseudolidar.formats.rigs.rig_json import missing_rig, read_rig, rig_notes
 from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit
 from pseudolidar.formats.text import read_lines
 
@@ -84,7 +84,7 @@ def read_any_rig(
     if path.suffix.lower() == ".json" and _is_own(words):
         rig = read_rig(path, limits=limits)
         rectified = rig if rig.is_rectified else None
-        return RigReading(path, "rig.json", rectified, rig, rig_warnings(rig))
+        return RigReading(path, "rig.json", rectified, rig, rig_notes(rig))
     if first.startswith(("<", "{", "%YAML", "---")) or path.suffix.lower() in SUFFIXES:
         return _storage_file(path, size_px, unit, limits)
     if is_middlebury_calib("\n".join(words)):

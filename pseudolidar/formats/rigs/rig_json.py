@@ -157,17 +157,21 @@ def rig_text(rig: StereoRig) -> str:
     return _pretty(fields) + "\n"
 
 
-def rig_warnings(rig: StereoRig) -> tuple[str, ...]:
-    """What is odd about a rig though not wrong: rotations that were rounded."""
+def rig_notes(rig: StereoRig) -> tuple[str, ...]:
+    """What is worth saying about a rig: rotations that were rounded, corrections that it has."""
     poses = (rig.T_right_left, rig.T_left_velodyne, rig.T_velodyne_imu)
     errors = {
         f"T_{pose.dst}_{pose.src}": rotation_error(pose.matrix[:3, :3]) for pose in poses if pose
     }
-    return tuple(
+    notes = [
         f"rotation of {name} is orthonormal to {error:.1e} only"
         for name, error in errors.items()
         if error > ROUNDED_ROTATION
-    )
+    ]
+    if rig.correction is not None:
+        origin = rig.correction.origin or "unknown origin"
+        notes.append(f"refined rig: leaves {rig.correction.residual_px:.2f} px ({origin})")
+    return tuple(notes)
 
 
 def _check_frames(rig: StereoRig) -> None:

@@ -25,9 +25,9 @@ from pseudolidar.formats.rigs.rig_fields import MINIMAL_RIG
 from pseudolidar.formats.rigs.rig_json import (
     parse_rig,
     read_rig,
+    rig_notes,
     rig_schema,
     rig_text,
-    rig_warnings,
     write_rig,
 )
 from pseudolidar.structures.camera import Camera, StereoRig
@@ -322,10 +322,12 @@ def test_large_binary_and_folder(tmp_path: Path) -> None:
 def test_rounded_rotation_is_told() -> None:
     R = [[1, 5e-5, 0], [0, 1, 0], [0, 0, 1]]
     rig = parse_rig(changed(T_left_velodyne={"R": R, "t_m": [0, 0, 0]}), "rig.json")
-    (warning,) = rig_warnings(rig)
+    (warning,) = rig_notes(rig)
     assert "T_camera_left_velodyne" in warning
     assert "5.0e-05" in warning
-    assert rig_warnings(full_rig(rectified=True)) == ()
+    (refined,) = rig_notes(full_rig(rectified=True))
+    assert "leaves 0.30 px (22 frames, Velodyne)" in refined
+    assert rig_notes(full_rig(rectified=True).with_correction(None)) == ()
 
 
 def test_other_frame_names_are_not_lost_silently(tmp_path: Path) -> None:
@@ -349,3 +351,28 @@ def test_schema_accepts_what_is_written_and_refuses_mistakes() -> None:
         validator.validate(json.loads(text))
     for mistake in ("no width", "no baseline", "both", "unknown", "K and fx", "row of 4", "lens"):
         assert not validator.is_valid(json.loads(MISTAKES[mistake][0])), mistake
+
+
+def test_the_uncertainty_of_a_correction_stays(tmp_path: Path) -> None:
+    rig = full_rig(rectified=True)
+    assert rig.correction is not None
+    half = np.random.default_rng(1).normal(size=(8, 8))
+    known = replace(rig.correction, sigma_scale=0.7, covariance=half @ half.T)
+    write_rig(tmp_path / "rig.json", rig.with_correction(known))
+    read = read_rig(tmp_path / "rig.json").correction
+    assert read is not None
+    assert read.sigma_scale == 0.7
+    np.testing.assert_array_equal(read.covariance, known.covariance)
+    d, u, v = np.array([5.0, 50.0]), np.array([0.0, 600.0]), np.array([10.0, 300.0])
+    sigma_px = read.offset_sigma_px(d, u, v, rig.left.size_px)
+    features = read.features(d, u, v, rig.left.size_px)
+    np.testing.assert_allclose(sigma_px, np.linalg.norm(features @ half, axis=1))
+
+
+@pytest.mark.parametrize("scale", [0, -1])
+def test_an_impossible_factor_on_sigma_is_refused(scale: float) -> None:
+    good = rig_text(full_rig(rectified=True))
+    text = good.replace('"sigma_scale": 1.0', f'"sigma_scale": {scale}')
+    assert f'"sigma_scale": {scale}' in text
+    with pytest.raises(CalibrationValue, match="sigma_scale"):
+        parse_rig(text, "rig.json")
