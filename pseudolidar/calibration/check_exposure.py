@@ -33,9 +33,11 @@ def exposure_found(left: Image, right: Image, matches: PairMatches, inliers: Boo
     n = int(clear.sum())
     if n < LEAST_POINTS:
         return Finding(
-            EXPOSURE, "unknown", f"cannot tell: {n} points that are not clipped",
+            EXPOSURE,
+            "unknown",
+            f"cannot tell: {n} points that are not clipped",
             figures={"points": n},
-        )  # fmt: skip
+        )
     fits = [gain_offset(means[0][clear, c], means[1][clear, c]) for c in range(means[0].shape[1])]
     middle = np.median(means[0][clear], axis=0)
     ratios = np.array(

@@ -97,11 +97,14 @@ def match_points(left: Image, right: Image) -> PairMatches:
     shrink = min(1.0, MATCHED_WIDTH_PX / width)
     if shrink < 1.0:
         small = (round(width * shrink), round(height * shrink))
-        greys = tuple(  # type: ignore[assignment]
-            np.asarray(cv2.resize(grey, small, interpolation=cv2.INTER_AREA)) for grey in greys
+        left, right = (
+            np.asarray(cv2.resize(grey, small, interpolation=cv2.INTER_AREA), np.uint8)
+            for grey in greys
         )
-    points = _refined(*greys, *_described(*greys))
-    factors = np.array([width / greys[0].shape[1], height / greys[0].shape[0]])
+    else:
+        left, right = greys
+    points = _refined(left, right, *_described(left, right))
+    factors = np.array([width / left.shape[1], height / left.shape[0]])
     # A pixel centre u becomes (u + 0.5) s - 0.5.
     in_left, in_right = ((each.astype(np.float64) + 0.5) * factors - 0.5 for each in points)
     return PairMatches(in_left, in_right, (width, height))

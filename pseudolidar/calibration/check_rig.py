@@ -94,9 +94,11 @@ def truth_found(fit: RowFit | None, truth: DisparityMap) -> Finding:
     ratios = np.zeros(0) if fit is None else _ratios(fit, truth)
     if len(ratios) < LEAST_POINTS:
         return Finding(
-            TRUTH, "unknown", f"cannot tell: {len(ratios)} matches have one",
+            TRUTH,
+            "unknown",
+            f"cannot tell: {len(ratios)} matches have one",
             figures={"matches": len(ratios)},
-        )  # fmt: skip
+        )
     ratio = float(np.median(ratios))
     figures: dict[str, float | int | None] = {"matches": len(ratios), "of_matches": ratio}
     text = f"disparities of the truth are {ratio:.3g} times those of {len(ratios)} matches"

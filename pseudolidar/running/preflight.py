@@ -202,8 +202,7 @@ def _sizes(
     text = f"{error.got}; the calibration is for {error.want}"
     if found:
         text += f"; {len(wrong)} of {len(wrong) + len(found)} pairs"
-    severity, sure = ("warn", SUREST) if found else ("stop", SUREST)
-    return (Finding(SIZE, severity, text, sure, error.fix),)  # type: ignore[arg-type]
+    return (Finding(SIZE, "warn" if found else "stop", text, SUREST, error.fix),)
 
 
 def _dates(source: FrameSequence[Frame]) -> tuple[Finding, ...]:
