@@ -78,14 +78,18 @@ def interval(estimates: Float64) -> Interval | None:
 
 def _ranked(values: Float64) -> tuple[Float64, Int64]:
     """Levels, increasing, and for each value the number of its level."""
-    levels, cell = np.unique(values, return_inverse=True)
-    if len(levels) <= CELLS:
-        return levels, cell
-    order = np.argsort(values, kind="stable")
+    order = np.argsort(values)
+    ordered = values[order]
+    rises = np.diff(ordered, prepend=ordered[:1]) > 0
+    steps: Int64 = np.cumsum(rises, dtype=np.int64)  # 0 for the smallest
+    if steps[-1] < CELLS:
+        levels = ordered[np.flatnonzero(np.diff(steps, prepend=-1))]
+    else:
+        steps = np.arange(len(values)) * CELLS // len(values)
+        levels = ordered[(np.arange(CELLS) * 2 + 1) * len(values) // (2 * CELLS)]
     cell = np.empty(len(values), np.int64)
-    cell[order] = np.arange(len(values)) * CELLS // len(values)
-    middle = (np.arange(CELLS) * 2 + 1) * len(values) // (2 * CELLS)
-    return values[order][middle], cell
+    cell[order] = steps
+    return levels, cell
 
 
 def _quantile(levels: Float64, counted: Float64, share: float) -> Float64:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -30,7 +31,16 @@ def comparison_json(facts: dict[str, Any]) -> bytes:
         facts: plain JSON values, the settings among them.
     """
     head = {"schema": SCHEMA, "verb": "compare", "version": __version__}
-    return json.dumps({**head, **facts}, indent=1, allow_nan=False).encode() + b"\n"
+    return json.dumps(_finite({**head, **facts}), indent=1, allow_nan=False).encode() + b"\n"
+
+
+def _finite(value: Any) -> Any:
+    """The value with null for numbers that are none, such as a slope that nothing tells."""
+    if isinstance(value, dict):
+        return {name: _finite(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def comparison_csv(compared: Comparison) -> bytes:
