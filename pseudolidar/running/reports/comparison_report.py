@@ -10,22 +10,25 @@ from typing import Any
 from pseudolidar.evaluation.comparison.comparison import Comparison
 from pseudolidar.evaluation.comparison.figures import DepthFigures
 from pseudolidar.running.results import RunResult
-from pseudolidar.running.table import table_text
 from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
 
+# Narrow enough for 80 columns: percent signs stand in the head alone.
 HEADER = (
-    "range",
-    "median",
-    "(95 % interval)",
+    "range m",
+    "median%",
+    "interval",
     "90 %",
-    "bias",
-    "RMSE",
-    "<1.05",
-    "<1.25",
-    "density",
+    "bias%",
+    "RMSE m",
+    "dense%",
     "points",
-    "in 1 sigma",
-    "in 95 %",
+    "in 1s%",
+    "in 95%",
+)
+LEGEND = (
+    "relative depth error: median, its 95 % interval over frames, 90th percentile,",
+    "signed median (+ is too far); share of reference points that stereo has; share",
+    "of errors within one sigma (68 is right) and within the 95 % radius",
 )
 
 
@@ -77,7 +80,10 @@ class ComparisonReport:
             f"{len(compared.frames)} frames against {compared.reference}{left_out}; pooled over "
             "points, by the reference's depth",
             *(f"  {note}" for note in self.notes),
+            "",
             comparison_table(compared),
+            *LEGEND,
+            "",
             *overall_lines(compared),
             *diagnosis_lines(compared),
             self.result.text(),
@@ -87,9 +93,15 @@ class ComparisonReport:
 
 def comparison_table(compared: Comparison) -> str:
     """A row for every bin, and one for all of them."""
-    rows = [row_of(f"{each.from_m}-{each.to_m} m", each.figures) for each in compared.by_range]
+    rows = [row_of(f"{each.from_m}-{each.to_m}", each.figures) for each in compared.by_range]
     first, last = compared.bins.range_m
-    return table_text([*rows, row_of(f"{first}-{last} m", compared.overall)], header=HEADER)
+    every = [HEADER, *rows, row_of(f"{first}-{last}", compared.overall)]
+    widths = [max(map(len, column)) for column in zip(*every, strict=True)]
+    lines = [
+        "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
+        for row in every
+    ]
+    return "\n".join([lines[0], *lines[1:-1], "-" * len(lines[0]), lines[-1]])
 
 
 def row_of(name: str, figures: DepthFigures) -> tuple[str, ...]:
@@ -97,18 +109,20 @@ def row_of(name: str, figures: DepthFigures) -> tuple[str, ...]:
     bounds = figures.intervals.get("median_rel")
     return (
         name,
-        percent(figures.median_rel),
-        "" if bounds is None else f"({100 * bounds[0]:.2f}-{100 * bounds[1]:.2f})",
-        percent(figures.p90_rel),
-        percent(figures.bias_rel, signed=True),
-        "-" if figures.rmse_m is None else f"{figures.rmse_m:.2f} m",
-        percent(figures.delta_1_05, digits=1),
-        percent(figures.delta_1_25, digits=1),
-        percent(figures.density, digits=1),
+        _share(figures.median_rel),
+        "" if bounds is None else f"{100 * bounds[0]:.2f}-{100 * bounds[1]:.2f}",
+        _share(figures.p90_rel),
+        "-" if figures.bias_rel is None else f"{100 * figures.bias_rel:+.2f}",
+        "-" if figures.rmse_m is None else f"{figures.rmse_m:.2f}",
+        _share(figures.density, digits=1),
         str(figures.n),
-        percent(figures.within_1_sigma, digits=1),
-        percent(figures.within_95, digits=1),
+        _share(figures.within_1_sigma, digits=1),
+        _share(figures.within_95, digits=1),
     )
+
+
+def _share(share: float | None, *, digits: int = 2) -> str:
+    return "-" if share is None else f"{100 * share:.{digits}f}"
 
 
 def percent(share: float | None, *, digits: int = 2, signed: bool = False) -> str:
@@ -124,8 +138,10 @@ def overall_lines(compared: Comparison) -> list[str]:
     if not overall.n:
         return []
     lines = [
-        f"abs rel {percent(overall.abs_rel)}, RMSE {overall.rmse_m:.2f} m, "
-        f"RMSE log {overall.rmse_log:.3f}"
+        f"all: abs rel {percent(overall.abs_rel)}, RMSE {overall.rmse_m:.2f} m, "
+        f"RMSE log {overall.rmse_log:.3f}, off by less than 1.05 "
+        f"{percent(overall.delta_1_05, digits=1)}, than 1.25 "
+        f"{percent(overall.delta_1_25, digits=1)}"
     ]
     if overall.within_1_sigma is not None:
         ause = compared.sparsification and f"{compared.sparsification.area:.2f}"
