@@ -12,7 +12,7 @@ from pseudolidar.errors import EnvironmentFault, PseudolidarError, SourceUnknown
 from pseudolidar.evaluation.compared import ComparedFrame, against_scan, against_truth
 from pseudolidar.evaluation.comparison.bins import DEFAULT_BINS, DepthBins
 from pseudolidar.evaluation.comparison.comparison import compare_frames
-from pseudolidar.evaluation.comparison.pooled import pooled
+from pseudolidar.evaluation.comparison.pooled import PointPool
 from pseudolidar.formats.mcap.content import McapContent
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.running.bad_frames import OnError
@@ -224,18 +224,10 @@ def run(job: Compare) -> ComparisonReport | CloudsReport | DrivesReport:
     return run_pairs(job, pairs_of(source))
 
 
-def run_pairs(
-    job: Compare, source: FrameSequence[StereoFrame], *, most: int = MAX_POINTS
-) -> ComparisonReport:
-    """Match and compare every frame; then figures, intervals, causes.
-
-    Args:
-        job: with its places settled.
-        source: the pairs.
-        most: reference points to keep of all frames together.
-    """
+def run_pairs(job: Compare, source: FrameSequence[StereoFrame]) -> ComparisonReport:
+    """Match and compare every frame; then figures, intervals, causes."""
     _log.info("disparities: %s", job.matched_by)
-    per_frame = CompareFrame.of(job, source, most=most)
+    per_frame = CompareFrame.of(job, source)
     missing = Missing(source.summary.line, source.summary.path, tried=FRAMES_TRIED)
     if job.out is None:
         gathered = told(job, source, per_frame, missing)
@@ -289,17 +281,18 @@ def run_all(job: Compare) -> DrivesReport:
         raise UsageError(
             f"--all with {job.reference} as reference", want="scans or truth of the drives' own"
         )
-    found = drives_below(job.source)
+    pool = PointPool(job.bins, most=MAX_POINTS)
     reports, failed = dict[str, ComparisonReport](), dict[str, PseudolidarError]()
-    for drive in found:
+    for drive in drives_below(job.source):
         _log.info("drive: %s", drive.name)
         try:
             if drive.source is None:
                 raise drive.error or SourceUnknown(drive.name)
             out = None if job.out is None else job.out / drive.name
             one = replace(job, source=drive.source, out=out, all=False)
-            pairs = pairs_of(opened(one))
-            reports[drive.name] = run_pairs(one, pairs, most=MAX_POINTS // len(found))
+            report = run_pairs(one, pairs_of(opened(one)))
+            pool.add(report.comparison)
+            reports[drive.name] = report.without_points()
         except (EnvironmentFault, UsageError):
             raise
         except PseudolidarError as error:
@@ -307,12 +300,12 @@ def run_all(job: Compare) -> DrivesReport:
     if not reports:
         raise next(iter(failed.values()))
     comparisons = {name: report.comparison for name, report in reports.items()}
-    report = DrivesReport(reports, failed, pooled(list(comparisons.values())))
+    every = DrivesReport(reports, failed, pool.figures())
     if job.out is None:
-        return report
-    facts = {"settings": result_settings(job), **report.facts}
-    table = drives_csv(comparisons, report.every)
-    return replace(report, files=write_comparison(job.out, table, facts))
+        return every
+    facts = {"settings": result_settings(job), **every.facts}
+    table = drives_csv(comparisons, every.every)
+    return replace(every, files=write_comparison(job.out, table, facts))
 
 
 def told(
@@ -380,10 +373,10 @@ class CompareFrame:
     encode: ComparedEncoder | None
 
     @classmethod
-    def of(cls, job: Compare, source: FrameSequence[StereoFrame], *, most: int) -> CompareFrame:
-        """With everything heavy loaded; `most` is of all frames together."""
+    def of(cls, job: Compare, source: FrameSequence[StereoFrame]) -> CompareFrame:
+        """With everything heavy loaded."""
         match = matching(job, source)
-        most = max(1, most // max(1, len(source.ids)))
+        most = max(1, MAX_POINTS // max(1, len(source.ids)))
         encode = None
         if job.out is not None:
             sampled = sampled_frames(source.ids)

@@ -91,7 +91,10 @@ class ComparedFrame:
 
     def thinned(self, most: int) -> ComparedFrame:
         """At most so many of the points, evenly spread over the image."""
-        step = max(1, -(-len(self) // most))
+        return self.every(max(1, -(-len(self) // most)))
+
+    def every(self, step: int) -> ComparedFrame:
+        """One of so many points each, evenly over the image."""
         return replace(
             self,
             u=self.u[::step],

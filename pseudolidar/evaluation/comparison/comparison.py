@@ -87,7 +87,7 @@ class Comparison:
         return {
             "subject": self.subject,
             "reference": self.reference,
-            "frames": len(self.frames),
+            "frames": len(self.per_frame),
             **dict_of(self.bins, self.overall, self.by_range),
             "by_column": [strip.as_dict() for strip in self.by_column],
             "by_disparity": [band.as_dict() for band in self.by_disparity],

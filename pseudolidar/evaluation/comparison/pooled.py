@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from pseudolidar.evaluation.compared import ComparedFrame
 from pseudolidar.evaluation.comparison.bins import DepthBins, in_bin
 from pseudolidar.evaluation.comparison.bootstrap import FrameBootstrap
 from pseudolidar.evaluation.comparison.comparison import Comparison, dict_of
@@ -39,11 +39,31 @@ class PooledFigures:
         return {"frames": self.frames, **dict_of(self.bins, self.overall, self.by_range)}
 
 
-def pooled(comparisons: Sequence[Comparison]) -> PooledFigures:
-    """Figures of all points; every comparison has the same bins, and there is at least one."""
-    bins = comparisons[0].bins
-    points = ComparedPoints.of([frame for each in comparisons for frame in each.frames])
-    points = points[in_bin(points.reference_m, bins.range_m)]
-    bootstrap = FrameBootstrap(points.frames)
-    overall = depth_figures(points, bootstrap)
-    return PooledFigures(points.frames, bins, overall, figures_by_range(points, bins, bootstrap))
+class PointPool:
+    """Frames of many comparisons, thinned alike as they become too many for the memory.
+
+    Args:
+        bins: of the reference's depth.
+        most: reference points to keep.
+    """
+
+    def __init__(self, bins: DepthBins, *, most: int) -> None:
+        self._bins, self._most, self._step = bins, most, 1
+        self._frames: list[ComparedFrame] = []
+
+    def add(self, compared: Comparison) -> None:
+        """Take the frames of a comparison; of all that are there the same share is kept."""
+        self._frames += [frame.every(self._step) for frame in compared.frames]
+        while sum(map(len, self._frames)) > self._most:
+            self._frames = [frame.every(2) for frame in self._frames]
+            self._step *= 2
+
+    def figures(self) -> PooledFigures:
+        """Figures of all points, at least one frame."""
+        points, bins = ComparedPoints.of(self._frames), self._bins
+        points = points[in_bin(points.reference_m, bins.range_m)]
+        bootstrap = FrameBootstrap(points.frames)
+        overall = depth_figures(points, bootstrap)
+        return PooledFigures(
+            points.frames, bins, overall, figures_by_range(points, bins, bootstrap)
+        )

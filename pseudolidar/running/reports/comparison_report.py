@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -71,13 +71,17 @@ class ComparisonReport:
         warnings = list(self.result.warnings)
         return {**self.facts, "warnings": warnings, "files": [str(path) for path in self.files]}
 
+    def without_points(self) -> ComparisonReport:
+        """The same figures, without what they were made of."""
+        return replace(self, comparison=replace(self.comparison, frames=()))
+
     def text(self) -> str:
         """Tables for a terminal, the causes in words, and what to open."""
         compared = self.comparison
         left_out = f", {self.without_reference} without reference" if self.without_reference else ""
         lines = [
             compared.subject,
-            f"{len(compared.frames)} frames against {compared.reference}{left_out}; pooled over "
+            f"{len(compared.per_frame)} frames against {compared.reference}{left_out}; pooled over "
             "points, by the reference's depth",
             *(f"  {note}" for note in self.notes),
             "",

@@ -65,7 +65,7 @@ class DrivesReport:
 
 
 def _row(name: str, compared: Comparison | PooledFigures) -> tuple[str, ...]:
-    frames = compared.frames if isinstance(compared, PooledFigures) else len(compared.frames)
+    frames = compared.frames if isinstance(compared, PooledFigures) else len(compared.per_frame)
     return (
         name,
         str(frames),

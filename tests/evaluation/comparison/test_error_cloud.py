@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from pseudolidar.evaluation.compared import against_scan
-from pseudolidar.evaluation.comparison.comparison import compare_frames
 from pseudolidar.evaluation.comparison.error_cloud import (
     RIGHT,
     TOO_FAR,
@@ -12,7 +11,6 @@ from pseudolidar.evaluation.comparison.error_cloud import (
     error_colours,
     reference_points,
 )
-from pseudolidar.evaluation.comparison.pooled import pooled
 from pseudolidar.structures.cloud import PointCloud
 from tests.evaluation.test_lidar import frame, wall
 
@@ -57,12 +55,3 @@ def test_both_clouds_in_one():
     both = clouds_together(cloud_at([0], [0]), in_view)
     assert both.extra["source"].tolist() == [0] + [1] * len(in_view)
     assert tuple(both.rgb[0]) == (200, 200, 200)
-
-
-def test_pooling_counts_the_points_of_all():
-    parts = [compare_frames([against_scan(wall(), frame())]) for _ in range(2)]
-    every = pooled(parts)
-    assert every.frames == 2
-    assert every.overall.n == 2 * parts[0].overall.n > 0
-    assert every.by_range[0].figures.median_rel == pytest.approx(0.25)
-    assert every.as_dict()["bins"][0]["n"] == every.overall.n
