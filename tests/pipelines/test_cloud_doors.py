@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pseudolidar.pipelines.convert import Convert, run
+from rosbags.rosbag2 import Reader as Rosbag2Reader
 
 from pseudolidar.formats.atomic import write_atomic
+from pseudolidar.formats.mcap.content import McapContent, ProfileName
 from pseudolidar.formats.points.cloud_file import read_cloud
 from pseudolidar.formats.points.npz import encode_npz
 from pseudolidar.formats.points.pcd import encode_pcd
@@ -22,6 +24,7 @@ from pseudolidar.sources.recognise import recognise
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.frame import LidarScan
 from tests.recordings import (
+    ROS,
     START_NS,
     named_clouds,
     ros2_messages,
@@ -158,6 +161,40 @@ def test_a_recorded_cloud_is_placed_by_the_transforms(tmp_path: Path) -> None:
     np.testing.assert_allclose(world.xyz, expected, atol=1e-4)
     with pytest.raises(Exception, match=r"no transforms from 'velo_link' to 'mars'"):
         run(Convert(source, tmp_path / "x", frame="mars", on_error="stop"))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("profile", ["foxglove", "ros2"])
+def test_clouds_in_a_recording_stay_as_they_are(
+    profile: ProfileName,
+    clouds: list[PointCloud],
+    tmp_path: Path,
+    assert_same_cloud: Callable[..., None],
+) -> None:
+    """Rows and columns with their holes, 64-bit integers to the last bit, source pixels."""
+    for index, cloud in enumerate(clouds):
+        write_atomic(tmp_path / "in" / f"{index}.npz", encode_npz(cloud))
+    convert(tmp_path / "in", tmp_path / "out", "mcap", mcap=McapContent(profile=profile))
+    (recording,) = (tmp_path / "out").glob("*.mcap")
+    convert(recording, tmp_path / "back", "npz")
+    for index, cloud in enumerate(clouds):
+        assert_same_cloud(read_cloud(tmp_path / "back" / "npz" / f"{index}.npz"), cloud)
+
+
+def test_ros_sees_the_rows_and_columns_of_an_organised_cloud(
+    clouds: list[PointCloud], tmp_path: Path
+) -> None:
+    organised = clouds[1]
+    write_atomic(tmp_path / "in" / "1.npz", encode_npz(organised))
+    convert(tmp_path / "in", tmp_path / "out", "mcap", mcap=McapContent(profile="ros2"))
+    with Rosbag2Reader(tmp_path / "out") as bag:
+        (message,) = (
+            ROS.deserialize_cdr(data, connection.msgtype)
+            for connection, _, data in bag.messages()
+            if connection.msgtype == "sensor_msgs/msg/PointCloud2"
+        )
+    assert (message.height, message.width) == organised.shape
+    assert message.row_step == message.point_step * message.width
+    assert not message.is_dense
 
 
 def test_names_of_frames_never_lead_out_of_the_output(

@@ -17,22 +17,30 @@ POINT_TIME = "t_s"
 
 NUMBERS = ("<u1", "<i1", "<u2", "<i2", "<u4", "<i4", "<f4", "<f8")
 # Types that messages have no number for, and the one that holds their values (64-bit integers to
-# 2^53).
+# 2^53: see `LOW_BITS`).
 WIDENED = {"bool": "<u1", "float16": "<f4", "int64": "<f8", "uint64": "<f8"}
+# Larger integers, such as times in ns, are rounded there; a column of this name holds what was
+# lost: their last 32 bits.
+LOW_BITS = ".low32"
+EXACT_TO = 2**53
 
 
-def cloud_columns(cloud: PointCloud, *, pixels: bool = True) -> dict[str, AnyArray]:
-    """The columns of a cloud; points without coordinates are left out.
+def cloud_columns(
+    cloud: PointCloud, *, pixels: bool = True, holes: bool = False, exact: bool = True
+) -> dict[str, AnyArray]:
+    """The columns of a cloud.
 
     Args:
         cloud: columns x, y, z, then red, green, blue, alpha (uint8), intensity, sigma_m, u, v and
             its extra columns, as far as it has them.
         pixels: with u and v.
+        holes: with the points of an organised cloud that have no coordinates.
+        exact: with the last bits of integers that are too large for float64.
 
     Raises:
         StructureError: an extra column has the name of another.
     """
-    if cloud.shape is not None:
+    if cloud.shape is not None and not holes:
         cloud = cloud[cloud.valid]
     columns: dict[str, AnyArray] = dict(zip("xyz", cloud.xyz.T, strict=True))
     if cloud.rgb is not None:
@@ -49,7 +57,28 @@ def cloud_columns(cloud: PointCloud, *, pixels: bool = True) -> dict[str, AnyArr
         raise StructureError(
             f"extra columns {sorted(twice)}", want="other names", where="PointCloud.extra"
         )
-    return columns | dict(cloud.extra)
+    for name, column in cloud.extra.items():
+        columns[name] = column
+        if exact and _is_rounded(column) and name + LOW_BITS not in cloud.extra:
+            columns[name + LOW_BITS] = column.astype(np.uint64).astype(np.uint32)
+    return columns
+
+
+def joined(rounded: AnyArray, low: AnyArray, dtype: str) -> AnyArray | None:
+    """The integers that were stored as float64 and their last 32 bits; None if they disagree."""
+    if rounded.dtype != np.float64 or low.dtype != np.uint32:
+        return None
+    with np.errstate(invalid="ignore"):
+        high = np.rint((rounded - low) / 2.0**32).astype(np.int64)
+        whole = ((high.astype(np.uint64) << np.uint64(32)) | low.astype(np.uint64)).astype(dtype)
+    return whole if np.array_equal(whole.astype(np.float64), rounded) else None
+
+
+def _is_rounded(column: AnyArray) -> bool:
+    """Whether float64 loses bits of a column."""
+    if column.dtype.kind not in "iu" or column.dtype.itemsize < 8:
+        return False
+    return bool(np.any((column > EXACT_TO) | (column < -EXACT_TO)))
 
 
 def scan_columns(scan: LidarScan) -> dict[str, AnyArray]:

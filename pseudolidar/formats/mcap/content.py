@@ -28,7 +28,8 @@ class McapContent:
         cloud_format: plain, or packed by Draco (Foxglove only; coordinates to 1 mm, slow).
         max_points: points of one message; of more those are left out whose surface is sampled most
             densely, the nearest. 0 for all of them. Files of clouds always hold all.
-        pixels: with the source pixel u, v of each point: a quarter more bytes.
+        pixels: with the source pixel u, v of each point: a quarter more bytes. Clouds that exist
+            already keep all their columns.
         scan: store the LiDAR scan.
         labels: store the boxes of the data set.
         compression: of the recording; lz4 takes a tenth off and as long as all other packing.

@@ -140,11 +140,13 @@ class Points:
         columns: x, y, z, then red, green, blue, alpha (uint8), intensity and others, each (N,).
         frame: coordinate frame.
         stamp_ns: its own time stamp, 0 for that of the frame.
+        shape: (rows, columns) of an organised cloud, all of whose points are there.
     """
 
     columns: Mapping[str, AnyArray]
     frame: str
     stamp_ns: int = 0
+    shape: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)

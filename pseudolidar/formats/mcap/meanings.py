@@ -7,7 +7,7 @@ from pseudolidar.structures.disparity import RADIUS_95_PER_SIGMA
 MARK_MEANING = {
     "name": "frame id of the source",
     "sequence": "index in the source",
-    "file": "dtypes of columns that points hold widened",
+    "file": "dtypes of columns that points hold widened; rows and columns of organised points",
 }
 DEPTH_MEANING = {
     "unit": "mm",
@@ -20,6 +20,7 @@ POINTS_MEANING = {
     "sigma_m": "one standard deviation (68 %) along the ray, m",
     "radius_95": f"{RADIUS_95_PER_SIGMA} sigma_m",
     "u, v": "pixel of the left image, centre of the first pixel at (0, 0)",
+    "*.low32": "last 32 bits of integers that are rounded in the column named so",
 }
 SCAN_MEANING = {"unit": "m", "intensity": "reflectance 0-1"}
 DISPARITY_MEANING = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from pseudolidar.formats.mcap.profile import Profile
 from pseudolidar.formats.mcap.profiles import profile_of
 from pseudolidar.formats.mcap.records import Parts
 from pseudolidar.formats.pictures.image import encode_jpeg, encode_png
-from pseudolidar.formats.points.columns import dtype_lines
+from pseudolidar.formats.points.columns import lines_beside
 from pseudolidar.geometry.frames import MAP, ODOM, camera_tree, component, frame_tree
 from pseudolidar.geometry.thinning import thinned
 from pseudolidar.structures.arrays import Image
@@ -184,7 +184,9 @@ def _depth_items(frame: DepthFrame, results: Results, content: McapContent) -> I
 def _cloud_items(frame: RecordedCloud, results: Results, content: McapContent) -> Iterator[Item]:
     cloud = frame.cloud if results.cloud is None else results.cloud
     tree = component(frame.tree, cloud.frame)
-    yield Item(Kind.MARK, Note(_mark_text(frame), frame.id, _dtypes(cloud)))
+    holes = _keeps_holes(cloud, content)
+    beside = _beside(cloud, cloud.shape if holes else None)
+    yield Item(Kind.MARK, Note(_mark_text(frame), frame.id, beside))
     yield from _notes(frame, results.notes)
     if tree:
         yield Item(Kind.TRANSFORMS, Transforms(tree))
@@ -193,7 +195,14 @@ def _cloud_items(frame: RecordedCloud, results: Results, content: McapContent) -
         yield Item(Kind.NOTE, Note(text, frame.id))
     yield from _scan(frame.id, frame.scan, _names(tree) | {cloud.frame}, content)
     # Only what came from two eyes says how sure it is of each point.
-    yield from _cloud(frame, cloud, content, stereo=cloud.sigma_m is not None)
+    made = replace(content, pixels=True)  # what exists already keeps all its columns
+    yield from _cloud(frame, cloud, made, stereo=cloud.sigma_m is not None, holes=holes)
+
+
+def _keeps_holes(cloud: PointCloud, content: McapContent) -> bool:
+    """Whether all points of an organised cloud are written, also those without coordinates."""
+    fits = not content.max_points or len(cloud) <= content.max_points
+    return cloud.shape is not None and content.cloud_format == "plain" and fits
 
 
 def _names(tree: Iterable[Pose]) -> Set[str]:
@@ -207,15 +216,14 @@ def _mark_text(frame: Frame) -> str:
 def _mark(frame: StereoFrame | DepthFrame, cloud: PointCloud | None, *, pose: Pose | None) -> Item:
     text = _mark_text(frame)
     unknown = "" if pose else ", no pose: map, odom and base_link coincide"
-    return Item(Kind.MARK, Note(text + unknown, frame.id, _dtypes(cloud)))
+    return Item(Kind.MARK, Note(text + unknown, frame.id, _beside(cloud)))
 
 
-def _dtypes(cloud: PointCloud | None) -> str:
-    """Lines about columns whose dtype messages lack, so that they can be read as they were."""
+def _beside(cloud: PointCloud | None, shape: tuple[int, int] | None = None) -> str:
+    """Lines about what messages of points lack, so that they can be read as they were."""
     columns = {} if cloud is None else cloud.extra
-    return "\n".join(
-        dtype_lines({n: c.dtype.name for n, c in columns.items() if c.dtype.name in WIDENED})
-    )
+    dtypes = {n: c.dtype.name for n, c in columns.items() if c.dtype.name in WIDENED}
+    return "\n".join(lines_beside(dtypes, shape))
 
 
 def _notes(frame: Frame, notes: Sequence[str]) -> Iterator[Item]:
@@ -261,7 +269,12 @@ def _depth(
 
 
 def _cloud(
-    frame: Frame, cloud: PointCloud | None, content: McapContent, *, stereo: bool
+    frame: Frame,
+    cloud: PointCloud | None,
+    content: McapContent,
+    *,
+    stereo: bool,
+    holes: bool = False,
 ) -> Iterator[Item]:
     if not content.cloud or cloud is None:
         return
@@ -273,9 +286,11 @@ def _cloud(
                 f"points of this message: {len(cloud)} of {len(whole)}, fewer where they are dense"
             )
             yield Item(Kind.NOTE, Note(text, frame.id))
-    columns = cloud_columns(cloud, pixels=content.pixels)
+    exact = content.cloud_format == "plain"
+    columns = cloud_columns(cloud, pixels=content.pixels, holes=holes, exact=exact)
     kind = CLOUD_KINDS[content.cloud_format, stereo]
-    yield Item(kind, Points(columns, cloud.frame, cloud.timestamp_ns))
+    shape = cloud.shape if holes else None
+    yield Item(kind, Points(columns, cloud.frame, cloud.timestamp_ns, shape))
 
 
 def _picture(image: Image, frame: str, left: str, content: McapContent) -> Picture:

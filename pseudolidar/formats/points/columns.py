@@ -37,6 +37,7 @@ _NOTED_DTYPES = (*_STORED_AS, "int64", "uint64")
 _NAME = re.compile(r"[\x21-\x22\x24-\x7e]+")  # printable ASCII without blank and #
 _TAG = "pseudolidar"
 DTYPE_LINE = f"{_TAG} dtype "
+SHAPE_LINE = f"{_TAG} shape "
 _MAX_NOTE_CHARS = 1000  # rply, which many programs read PLY with, takes lines of 1024
 
 
@@ -72,9 +73,10 @@ class Notes:
         return [f"{_TAG} {key} {json.dumps(value)}" for key, value in facts]
 
 
-def dtype_lines(dtypes: Mapping[str, str]) -> list[str]:
-    """The lines that note dtypes which a format cannot hold."""
-    return [line for line in Notes(dtypes=dtypes).lines() if line.startswith(DTYPE_LINE)]
+def lines_beside(dtypes: Mapping[str, str], shape: tuple[int, int] | None) -> list[str]:
+    """The lines that note dtypes, and rows and columns, which messages cannot hold."""
+    lines = Notes(dtypes=dtypes, shape=shape).lines()
+    return [line for line in lines if line.startswith((DTYPE_LINE, SHAPE_LINE))]
 
 
 def restored(column: AnyArray, dtype: str) -> AnyArray:

@@ -168,15 +168,16 @@ def points_message(points: Points, time_ns: int) -> Parts:
         fields.append({"name": name, "offset": offset, "datatype": number, "count": 1})
         offset += np.dtype(stored).itemsize
     count = len(columns["x"])
+    height, width = points.shape or (1, count)
     values = {
         "header": header(points.frame, points.stamp_ns or time_ns),
-        "height": 1,
-        "width": count,
+        "height": height,
+        "width": width,
         "fields": fields,
         "point_step": offset,
-        "row_step": offset * count,
+        "row_step": offset * width,
         "data": interleave(columns, types),
-        "is_dense": True,
+        "is_dense": all(bool(np.isfinite(columns[axis]).all()) for axis in "xyz"),
     }
     return encode_ros2("sensor_msgs/PointCloud2", values)
 

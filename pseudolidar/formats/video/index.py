@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -149,6 +149,14 @@ class _Packet(NamedTuple):
     is_discarded: bool
 
 
+def _promised(container: str, claimed: int, decoded: Sequence[int | None]) -> int:
+    """Packets that the file claims to hold: AVI counts moments, and some of them have no frame."""
+    times = [time for time in decoded if time is not None]
+    if container not in DECODING_TIMES_ONLY or not claimed or len(times) < len(decoded):
+        return claimed
+    return claimed - max(0, max(times) + 1 - len(times))
+
+
 def _index(
     container: Any, stream: Any, packets: list[_Packet], size_px: tuple[int, int], cut: str
 ) -> VideoIndex:
@@ -187,7 +195,7 @@ def _index(
         counted=counted,
         timed=timed,
         packets=len(packets),
-        promised=int(stream.frames),
+        promised=_promised(name, int(stream.frames), decoded),
         repeated=int(np.count_nonzero(kept)) - len(frames),
         leading=int(np.count_nonzero(leading)),
         cut=cut,

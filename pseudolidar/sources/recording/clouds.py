@@ -8,7 +8,8 @@ from typing import ClassVar
 
 from pseudolidar.errors import PseudolidarError, RecordingError, UsageError
 from pseudolidar.formats.mcap.channels import FRAME, SCAN, STEREO_POINTS
-from pseudolidar.formats.points.columns import DTYPE_LINE, parse_notes, restored
+from pseudolidar.formats.mcap.columns import LOW_BITS, joined
+from pseudolidar.formats.points.columns import DTYPE_LINE, SHAPE_LINE, parse_notes, restored
 from pseudolidar.formats.recordings.messages import CloudMessage, Mark
 from pseudolidar.sources.names import safe_id
 from pseudolidar.sources.recording.frames import RecordedFrames
@@ -71,7 +72,8 @@ class RecordedClouds:
         cloud = message.cloud
         for mark in (other for other in others if isinstance(other, Mark)):
             self._check_mark(mark, index)
-            cloud = with_dtypes(cloud, mark.detail.splitlines())
+            if self.clouds.name != SCAN:  # the mark tells of the cloud beside it
+                cloud = as_noted(cloud, mark.detail.splitlines())
         if not cloud.timestamp_ns:
             cloud = replace(cloud, timestamp_ns=stamp_ns)
         tree = self.frames.tree(others, stamp_ns)
@@ -87,13 +89,18 @@ class RecordedClouds:
             )
 
 
-def with_dtypes(cloud: PointCloud, lines: list[str]) -> PointCloud:
-    """A cloud with extra columns in the dtypes that the mark of its frame notes."""
-    dtypes = parse_notes(line for line in lines if line.startswith(DTYPE_LINE)).dtypes
-    extra = {
-        name: restored(column, dtypes[name]) if name in dtypes else column
-        for name, column in cloud.extra.items()
-    }
+def as_noted(cloud: PointCloud, lines: list[str]) -> PointCloud:
+    """A cloud with the dtypes and the rows and columns that the mark of its frame notes."""
+    notes = parse_notes(line for line in lines if line.startswith((DTYPE_LINE, SHAPE_LINE)))
+    extra = dict(cloud.extra)
+    for name in notes.dtypes.keys() & extra.keys():
+        low, dtype = extra.get(name + LOW_BITS), notes.dtypes[name]
+        whole = None if low is None else joined(extra[name], low, dtype)
+        if whole is not None:
+            del extra[name + LOW_BITS]
+        extra[name] = restored(extra[name], dtype) if whole is None else whole
+    if notes.shape is not None and notes.shape[0] * notes.shape[1] == len(cloud):
+        cloud = replace(cloud, shape=notes.shape)
     return replace(cloud, extra=extra)
 
 

@@ -53,7 +53,9 @@ def open_recording(settings: Recording) -> FrameSequence[Frame]:
 def _taken(settings: Recording, topics: Topics, frames: RecordedFrames) -> FrameSequence[Frame]:
     """The pairs, the clouds or the depths, by what was asked for and what there is."""
     wanted = settings.take == "pairs" or settings.topics is not None or settings.rig is not None
-    tried = settings.take == "auto" and settings.topic is None and not topics.own
+    # A recording of ours is taken for its clouds; pictures that were split off have none.
+    made = topics.own and bool(topics.of_kind("cloud"))
+    tried = settings.take == "auto" and settings.topic is None and not made
     summary, refused = _summary(settings.path, topics), None
     if wanted or tried:
         try:

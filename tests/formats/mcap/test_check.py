@@ -355,7 +355,7 @@ def test_an_lz4_bomb_is_unpacked_no_further_than_it_claims(tmp_path: Path) -> No
 
 def test_a_record_beyond_the_cap(tmp_path: Path, sound: bytes) -> None:
     path = tmp_path / "sound.mcap"
-    with pytest.raises(RecordingError, match=r"Limits\.record_bytes"):
+    with pytest.raises(RecordingError, match=r"limits\.record-bytes"):
         check_mcap(path, limits=Limits(record_bytes=100))
     check_mcap(path)
 
