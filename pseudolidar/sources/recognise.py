@@ -6,6 +6,7 @@ import difflib
 from pathlib import Path
 
 from pseudolidar.errors import SourceUnknown
+from pseudolidar.formats.recordings.kinds import recordings_in
 from pseudolidar.sources.cloud_files import CloudFiles
 from pseudolidar.sources.folder import Folders, seen_in
 from pseudolidar.sources.kitti.object import KittiObject
@@ -71,6 +72,17 @@ def recognise(path: str) -> Source:
     for layout in LAYOUTS:
         if layout.looks_like(place):
             return layout(path)
+    recordings = recordings_in(place)
+    if len(recordings) == 1:
+        return Recording(str(recordings[0]))
+    if recordings:
+        names = ", ".join(file.name for file in recordings[:6])
+        raise SourceUnknown(
+            f"{len(recordings)} recordings: {names}",
+            want="one of them",
+            fix=f"Give the one that is meant: {str(recordings[0])!r}.",
+            path=path,
+        )
     raise SourceUnknown(
         seen_in(place) if place.is_dir() else f"a file of {place.stat().st_size} bytes",
         want=LOOKED_FOR,

@@ -18,6 +18,7 @@ from pseudolidar.sources.kitti.odometry import KittiOdometry
 from pseudolidar.sources.kitti.raw import KittiRaw
 from pseudolidar.sources.kitti.stereo import KittiStereo
 from pseudolidar.sources.recognise import recognise
+from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.sources.synthetic import Synthetic
 
 PICTURE = encode_png(np.zeros((4, 4), np.uint8))
@@ -55,7 +56,7 @@ def test_real_layouts(real_data: Path, path: str, kind: type) -> None:
 
 
 @pytest.mark.real
-@pytest.mark.parametrize("path", ["trajectories", "mcap", "devkit_disparity", "README.md"])
+@pytest.mark.parametrize("path", ["trajectories", "devkit_disparity", "README.md"])
 def test_what_is_no_source(real_data: Path, path: str) -> None:
     with pytest.raises(SourceUnknown):
         recognise(str(real_data / path))
@@ -101,6 +102,17 @@ def test_unknown_says_what_was_looked_for_and_seen(tmp_path: Path) -> None:
     assert "KITTI" in caught.value.want
     assert "left-pattern" in caught.value.fix
     assert caught.value.exit_code == 3
+
+
+def test_a_folder_with_one_recording_is_that_recording(tmp_path: Path) -> None:
+    """As `convert --to mcap` leaves it; of several, such as split ones, one has to be named."""
+    (tmp_path / "run.json").write_text("{}")
+    (tmp_path / "notes.mcap").write_text("no recording")
+    (tmp_path / "a_clouds.mcap").write_bytes(b"\x89MCAP0\r\n")
+    assert recognise(str(tmp_path)) == Recording(str(tmp_path / "a_clouds.mcap"))
+    (tmp_path / "a_images.mcap").write_bytes(b"\x89MCAP0\r\n")
+    with pytest.raises(SourceUnknown, match=r"2 recordings: a_clouds\.mcap, a_images\.mcap"):
+        recognise(str(tmp_path))
 
 
 def test_absent_names_the_nearest(tmp_path: Path) -> None:

@@ -35,6 +35,7 @@ _TAKEN = ("xyz", "rgb")
 _STORED_AS = {"bool": "uint8", "float16": "float32"}
 _NOTED_DTYPES = (*_STORED_AS, "int64", "uint64")
 _NAME = re.compile(r"[\x21-\x22\x24-\x7e]+")  # printable ASCII without blank and #
+_UNFIT = re.compile(r"[^\x21-\x22\x24-\x7e]")
 _TAG = "pseudolidar"
 DTYPE_LINE = f"{_TAG} dtype "
 SHAPE_LINE = f"{_TAG} shape "
@@ -133,6 +134,17 @@ def _checked_note(key: str, value: object) -> object:
         if isinstance(rows, int) and isinstance(columns, int) and min(rows, columns) >= 0:
             return rows, columns
     raise ValueError(key)
+
+
+def fit_names(columns: Iterable[tuple[str, AnyArray]]) -> dict[str, AnyArray]:
+    """Columns by names that every format can hold: what cannot stand in one becomes `_`."""
+    named: dict[str, AnyArray] = {}
+    for name, column in columns:
+        title = _UNFIT.sub("_", name) or "_"
+        while title in named:
+            title += "_"
+        named[title] = column
+    return named
 
 
 def check_extras(cloud: PointCloud) -> None:

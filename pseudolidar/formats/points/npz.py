@@ -25,7 +25,7 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.points.columns import UNKNOWN_FRAME, check_extras
+from pseudolidar.formats.points.columns import UNKNOWN_FRAME, check_extras, fit_names
 from pseudolidar.formats.points.point_file import (
     CloudFacts,
     check_point_limit,
@@ -39,6 +39,8 @@ from pseudolidar.structures.cloud import PointCloud
 LARGEST_EXPANSION = 100
 _FACTS = ("frame", "timestamp_ns", "shape", "columns")
 _COLUMNS = ("xyz", "rgb", "intensity", "sigma_m", "uv")
+_OPEN3D = {"positions": "xyz", "colors": "rgb"}
+NORMALS = ("nx", "ny", "nz")
 _SUFFIX = ".npy"
 # Fixed time of every member, so that the same cloud gives the same bytes; the oldest of ZIP.
 _MEMBER_TIME = (1980, 1, 1, 0, 0, 0)
@@ -63,7 +65,8 @@ def write_npz(path: Path, cloud: PointCloud) -> None:
 def read_npz(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:
     """Read an archive with at least `xyz` (N, 3); further arrays of length N are columns.
 
-    Pickled objects are never loaded.
+    Archives of Open3D (`positions`, `colors`) are read too; what cannot stand in the name of a
+    column becomes `_`. Pickled objects are never loaded.
 
     Raises:
         PointFileMissing, PointFileTruncated, PointFileCorrupt, PointFileField, LimitError: with
@@ -166,7 +169,10 @@ def decode_npz(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:
     refuse_other_content(data, want="NPZ", kinds=("ZIP archive",))
     arrays = _arrays(data, limits)
     if "xyz" not in arrays:
+        arrays = _of_open3d(arrays)
+    if "xyz" not in arrays:
         raise PointFileField(f"arrays {', '.join(arrays)[:200] or 'none'}", want="xyz (N, 3)")
+    arrays = fit_names(arrays.items())
     frame, timestamp_ns, shape, columns = _facts(arrays)
     own = {name: arrays.pop(name) for name in _COLUMNS if name in arrays and name in columns}
     wrong = [name for name, array in arrays.items() if array.ndim != 1 or array.dtype.kind == "U"]
@@ -176,6 +182,23 @@ def decode_npz(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:
         return PointCloud(frame=frame, timestamp_ns=timestamp_ns, shape=shape, extra=arrays, **own)
     except StructureError as error:
         raise PointFileCorrupt(error.got, want=error.want, where=error.where) from error
+
+
+def _of_open3d(arrays: dict[str, AnyArray]) -> dict[str, AnyArray]:
+    """Arrays of Open3D's tensor clouds under our names; its columns are (N, 1)."""
+    named = {_OPEN3D.get(name, name): array for name, array in arrays.items()}
+    flat = {
+        name: array[:, 0] if array.ndim == 2 and array.shape[1] == 1 else array
+        for name, array in named.items()
+    }
+    colours = flat.get("rgb")
+    if colours is not None and colours.dtype.kind == "f":  # 0 to 1
+        flat["rgb"] = np.rint(np.clip(np.nan_to_num(colours), 0, 1) * 255).astype(np.uint8)
+    normals = flat.get("normals")
+    if normals is not None and normals.ndim == 2 and normals.shape[1] == 3:
+        del flat["normals"]
+        flat |= dict(zip(NORMALS, normals.T, strict=True))
+    return flat
 
 
 def _facts(

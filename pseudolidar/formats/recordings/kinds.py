@@ -16,6 +16,7 @@ MAGICS: Final[Mapping[bytes, str]] = {
 METADATA_FILE = "metadata.yaml"
 METADATA_TITLE = b"rosbag2_bagfile_information:"
 SNIFFED_BYTES = 4096
+SUFFIXES = (".mcap", ".db3", ".bag")
 
 
 def recording_kind(path: Path) -> str:
@@ -24,6 +25,14 @@ def recording_kind(path: Path) -> str:
         return BAG2 if METADATA_TITLE in _start(path / METADATA_FILE) else ""
     start = _start(path)
     return next((kind for magic, kind in MAGICS.items() if start.startswith(magic)), "")
+
+
+def recordings_in(folder: Path) -> list[Path]:
+    """Files of recordings that lie in a folder, by name; none of what is no folder."""
+    if not folder.is_dir():
+        return []
+    files = sorted(entry for entry in folder.iterdir() if entry.suffix in SUFFIXES)
+    return [file for file in files if file.is_file() and recording_kind(file)]
 
 
 def _start(path: Path) -> bytes:

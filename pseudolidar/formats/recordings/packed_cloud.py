@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -11,7 +10,7 @@ import numpy as np
 from pseudolidar.errors import PointFileCorrupt, PointFileTruncated
 from pseudolidar.formats.limits import Limits
 from pseudolidar.formats.mcap.columns import OPAQUE
-from pseudolidar.formats.points.columns import Notes, assemble
+from pseudolidar.formats.points.columns import Notes, assemble, fit_names
 from pseudolidar.formats.points.point_file import check_point_limit
 from pseudolidar.structures.arrays import AnyArray, UInt8
 from pseudolidar.structures.cloud import PointCloud
@@ -21,8 +20,6 @@ _COLOURS = ("red", "green", "blue")
 # Fields that hold B, G, R, alpha in four bytes.
 _PACKED_COLOURS = ("rgb", "rgba")
 _ALPHA = "alpha"
-# What cannot stand in the name of a column.
-_UNFIT = re.compile(r"[^\x21-\x22\x24-\x7e]")
 
 
 @dataclass(frozen=True)
@@ -187,19 +184,14 @@ def _pop_colours(columns: list[tuple[PackedField, AnyArray]], *, own: bool) -> U
 
 def _named(columns: Iterable[tuple[PackedField, AnyArray]]) -> dict[str, AnyArray]:
     """(N,) columns by names that files can hold; several values of a field are numbered."""
-    named: dict[str, AnyArray] = {}
+    parts: list[tuple[str, AnyArray]] = []
     for field, column in columns:
-        name = _UNFIT.sub("_", field.name) or "_"
-        parts = (
-            {name: column}
-            if column.ndim == 1
-            else {f"{name}_{i}": column[:, i].copy() for i in range(column.shape[1])}
-        )
-        for title, part in parts.items():
-            while title in named:
-                title += "_"
-            named[title] = part
-    return named
+        if column.ndim == 1:
+            parts.append((field.name, column))
+        else:
+            numbered = range(column.shape[1])
+            parts += [(f"{field.name}_{i}", column[:, i].copy()) for i in numbered]
+    return fit_names(parts)
 
 
 def _own_columns(fields: dict[str, AnyArray]) -> tuple[str, ...]:

@@ -52,6 +52,13 @@ def test_archive_of_others(save):
     assert (cloud.frame, cloud.timestamp_ns, cloud.shape) == ("unknown", 0, None)
 
 
+def test_names_that_no_format_can_hold():
+    columns = {"laser id": np.arange(5), "laser#id": np.ones(5), "größe": np.zeros(5, np.int8)}
+    cloud = decode_npz(saved(xyz=np.zeros((5, 3)), **columns))
+    assert list(cloud.extra) == ["laser_id", "laser_id_", "gr__e"]
+    assert list(decode_npz(encode_npz(cloud)).extra) == list(cloud.extra)
+
+
 @pytest.mark.parametrize(
     "arrays",
     [

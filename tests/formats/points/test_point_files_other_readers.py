@@ -10,6 +10,7 @@ import plyfile
 import pypcd4
 import pytest
 
+from pseudolidar.formats.points.npz import read_npz
 from pseudolidar.formats.points.pcd import decode_pcd, encode_pcd, read_pcd
 from pseudolidar.formats.points.ply import decode_ply, encode_ply, read_ply
 from pseudolidar.geometry.open3d_library import load_open3d
@@ -169,3 +170,21 @@ def test_mesh_of_open3d(o3d, tmp_path):
     np.testing.assert_array_equal(decode_pcd(encode_pcd(got)).xyz, got.xyz)
     assert b"property double nz" in encode_ply(got)
     assert len(data) > len(encode_ply(got))
+
+
+@pytest.mark.parametrize("colours", ["uint8", "float32"])
+def test_npz_of_open3d(o3d, cloud, tmp_path, colours):
+    made = o3d.t.geometry.PointCloud(cloud.xyz)
+    rgb = cloud.rgb if colours == "uint8" else cloud.rgb.astype(np.float32) / 255
+    made.point.colors = np.ascontiguousarray(rgb)
+    made.point.intensity = cloud.intensity[:, None].copy()
+    made.point.normals = -cloud.xyz
+    made.point["ring"] = np.arange(len(cloud), dtype=np.uint16)[:, None].copy()
+    o3d.t.io.write_point_cloud(str(tmp_path / "a.npz"), made)
+    read = read_npz(tmp_path / "a.npz")
+    for name in ("xyz", "rgb", "intensity"):
+        np.testing.assert_array_equal(getattr(read, name), getattr(cloud, name))
+        assert getattr(read, name).dtype == getattr(cloud, name).dtype
+    np.testing.assert_array_equal(read.extra["ring"], np.arange(len(cloud)))
+    assert read.extra["ring"].dtype == np.uint16
+    np.testing.assert_array_equal(read.extra["ny"], -cloud.xyz[:, 1])

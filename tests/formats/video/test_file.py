@@ -414,6 +414,19 @@ def test_a_cut_mp4_with_its_directory_in_front_tells_what_is_lost(tmp_path: Path
     assert np.array_equal(video.picture(5).pixels, shown[5])
 
 
+def test_an_avi_with_moments_that_have_no_frame_does_not_end_early(tmp_path: Path) -> None:
+    """AVI counts moments: a recorder that dropped frames left some of them empty."""
+    path = tmp_path / "a.avi"
+    ticks = [2 * n + (n > 4) for n in range(FRAMES)]
+    settings = {"codec": "mjpeg", "pix_fmt": "yuvj420p", "ticks": ticks}
+    write_video(path, pictures(FRAMES), time_base=Fraction(1, 20), rate=20, **settings)
+    video = VideoFile.open(path)
+    assert len(video) == FRAMES
+    assert not [note for note in video.notes if "ends early" in note]
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+    assert [note for note in VideoFile.open(path).notes if "ends early" in note]
+
+
 @pytest.mark.parametrize("name", ["h264.mkv", "hevc.mkv", "h264.ts"])
 def test_what_a_lost_key_frame_leaves_grey_is_refused(made, tmp_path, name) -> None:
     """Decoders fill in what they miss with grey, and go on as if nothing had happened."""

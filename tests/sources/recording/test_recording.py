@@ -297,6 +297,16 @@ def test_clouds_of_this_package_come_back_with_names_and_dtypes(
         assert_same_cloud(source.load(index).cloud, frame.cloud)
 
 
+def test_a_recording_of_this_package_without_clouds_is_its_pairs(
+    tmp_path: Path, drive: list[StereoFrame]
+) -> None:
+    """As `--mcap.split images,clouds` leaves the pictures."""
+    write_own(tmp_path / "a_images.mcap", drive, cloud=False, scan=False, images="png")
+    source = Recording(str(tmp_path / "a_images.mcap")).open()
+    assert source.ids == tuple(frame.id for frame in drive)
+    np.testing.assert_array_equal(source.load(1).left, drive[1].left)
+
+
 def test_names_from_a_recording_never_leave_the_folder(tmp_path: Path) -> None:
     odd = ["../../up", "/etc/passwd", "CON", "nul\0byte", "x" * 300, "..", "a\\b", "dup", "dup"]
     write_own(tmp_path / "a.mcap", named_clouds(odd))
