@@ -254,9 +254,12 @@ def run_clouds(job: Compare, source: FrameSequence[RecordedCloud]) -> CloudsRepo
     """Nearest neighbours between every cloud and its reference; then figures, intervals."""
     if job.out is not None:
         check_usable(job.out)
+    per_frame = OWN_SCANS if job.owned else other_clouds(job.reference, source)
     report = compared_clouds(
         source,
-        OWN_SCANS if job.owned else other_clouds(job.reference, source),
+        per_frame,
+        subject=source.summary.line,
+        reference=per_frame.words,
         bins=job.bins,
         crew=job.crew,
         on_error=job.on_error,

@@ -1,9 +1,9 @@
-"""Judge disparities against ground truth: D1, density, depth by range, honesty of sigma."""
+"""Judge disparities against ground truth, and clouds against a LiDAR, by the usual measures."""
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,32 +11,44 @@ import numpy as np
 
 from pseudolidar.calibration.refine import fit
 from pseudolidar.errors import ReferenceMissing, SourceUnknown, UsageError
+from pseudolidar.evaluation.comparison.bins import DEFAULT_BINS, DepthBins
 from pseudolidar.evaluation.disparity import DisparityErrors, DisparityScore, disparity_errors
 from pseudolidar.evaluation.disparity_report import DisparityReport
 from pseudolidar.evaluation.halves import FrameSamples, judge_halves, residuals
 from pseudolidar.evaluation.map_files import is_maps, paired_maps, read_map
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.running.bad_frames import OnError, good_frames
-from pseudolidar.running.crew.attempt import Skipped
+from pseudolidar.running.comparing.cloud_of_pair import CompareCloudOfPair
+from pseudolidar.running.comparing.clouds import OWN_SCANS, other_clouds
+from pseudolidar.running.comparing.compared_clouds import Comparing, compared_clouds
+from pseudolidar.running.comparing.match_frame import MatchFrame
+from pseudolidar.running.comparing.other import other_scans
+from pseudolidar.running.comparing.references import SCAN, WORDS, OwnReference
+from pseudolidar.running.crew.attempt import AnyFrame, Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, Recognised
+from pseudolidar.running.frame_checks import MIN_DENSITY
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.progress import FrameProgress
+from pseudolidar.running.reports.clouds_report import CloudsReport
 from pseudolidar.running.settings_schema import described
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select, whole
-from pseudolidar.sources.source import FrameSequence, nearest_depth_m, pairs_of
+from pseudolidar.sources.source import FrameSequence, clouds_of, nearest_depth_m, pairs_of
 from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.filters.clean import Clean, Cleaner
 from pseudolidar.stereo.filters.filled_map import Surfaces
 from pseudolidar.stereo.filters.map_filter import FilteredMatcher, MapFilters
 from pseudolidar.stereo.filters.smoothed_map import Fgs
 from pseudolidar.stereo.filters.temporal import Kalman
 from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.stereo.neural import Onnx
+from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.recorded import Frame, RecordedCloud
 from pseudolidar.structures.samples import DisparitySamples
 
 # Pixels that correction and sigma are fitted to and judged with, all frames together; a KITTI
@@ -58,7 +70,7 @@ class Maps:
 
 
 def recognise_judged(text: str) -> Source | Maps:
-    """What SOURCE is: pairs with ground truth, or disparity maps to compare with `--reference`."""
+    """What SOURCE is: pairs, clouds, or disparity maps to compare with `--reference`."""
     path = Path(text)
     if path.is_file() and is_maps(path):
         return Maps(path)
@@ -72,22 +84,34 @@ def recognise_judged(text: str) -> Source | Maps:
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Judge a matcher on the ground truth of SOURCE, or disparity maps against a reference.
+    """Judge disparities against ground truth, or clouds against a LiDAR or other clouds.
 
-    D1, density and mean error are of the disparities as they come, on the stock rig. Correction and
-    sigma are fitted on even frames and judged on odd ones, and the other way round.
+    Of disparities D1, density and mean error are those as they come, on the stock rig. Correction
+    and sigma are fitted on even frames and judged on odd ones, and the other way round.
+
+    Of clouds: how far their points are from the reference (accuracy), those of the reference from
+    them (completeness), chamfer distance, and F-score at 0.1, 0.2 and 0.5 m, by range, of what both
+    sensors see. Pairs become clouds as `convert` makes them, and are compared with their scans, or
+    with the clouds of `--reference`.
 
         pseudolidar evaluate disparity training --matcher census --json
         pseudolidar evaluate disparity EST --reference GT
+        pseudolidar evaluate cloud 2011_09_26_drive_0002_sync
+        pseudolidar evaluate cloud out/ply --reference drive.mcap --bins 0,20,40 --json
 
     Args:
         what: what is judged.
-        source: data with ground-truth disparity, or disparity maps: files or folders.
+        source: data with ground-truth disparity, or disparity maps: files or folders; to judge
+            clouds, pairs with LiDAR scans, or clouds: files, folders, recordings.
         matcher: how disparities are found.
         temporal: how disparities are fused with those of the frames before; needs poses.
         smooth: how disparities are smoothed before they are judged.
         fill: how holes between matched pixels are filled.
-        reference: the truth for disparity maps, a file or a folder with the same names.
+        clean: what is removed of the disparities before they become clouds.
+        reproject: which pixels become points of the clouds.
+        reference: the truth for disparity maps, a file or a folder with the same names; the clouds
+            to compare clouds with, where the source's own scans are not meant.
+        bins: edges of the ranges that clouds are judged by, whole metres.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         exclude: not these.
         rig: calibration that replaces the source's cameras: a rig.json, OpenCV YAML, XML or JSON,
@@ -104,13 +128,16 @@ class Evaluate:
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
     """
 
-    what: Annotated[Literal["disparity"], POSITIONAL]
+    what: Annotated[Literal["disparity", "cloud"], POSITIONAL]
     source: Annotated[Source | Maps, Recognised(recognise_judged)]
     matcher: Census | Sgbm | Bm | Onnx = Census()
     temporal: Kalman | None = None
     smooth: Fgs | None = None
     fill: Surfaces | None = None
+    clean: Clean | None = field(default_factory=Clean)
+    reproject: Reproject = field(default_factory=Reproject)
     reference: Path | None = None
+    bins: DepthBins = DEFAULT_BINS
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
     rig: Path | None = None
@@ -164,18 +191,19 @@ class JudgeFrame:
         return JudgedFrame(errors, FrameSamples(samples, frame.rig), seconds)
 
 
-def run(job: Evaluate) -> DisparityReport:
-    """Match and judge every frame that has a truth; then fit and judge in halves."""
+def run(job: Evaluate) -> DisparityReport | CloudsReport:
+    """Judge what is asked for."""
+    if job.what == "cloud":
+        return judge_clouds(job)
     if isinstance(job.source, Maps) or job.reference is not None:
         return compare_maps(job)
-    source = opened(job)
+    return judge_disparities(job, pairs_of(opened(job)))
+
+
+def judge_disparities(job: Evaluate, source: FrameSequence[StereoFrame]) -> DisparityReport:
+    """Match and judge every frame that has a truth; then fit and judge in halves."""
     warnings = preflight(source, wanted=job.check, crew=CrewPlan(job.workers))
-    filters = MapFilters.load(job.smooth, job.fill)
-    loaded: StereoMatcher = job.matcher.load(min_depth_m=nearest_depth_m(job.min_depth, source))
-    if job.temporal is not None:
-        fuse = job.temporal.load(loaded, whole(source))
-        loaded, filters = fuse.sightings, filters.after(fuse)
-    matcher = FilteredMatcher(loaded, filters)
+    matcher = FilteredMatcher(*matching(job, source))
     per_frame = JudgeFrame(matcher, most=max(1, MAX_SAMPLES // max(1, len(source.ids))))
     skipped: list[Skipped] = []
     judged: list[JudgedFrame] = []
@@ -212,17 +240,69 @@ def run(job: Evaluate) -> DisparityReport:
     )
 
 
-def opened(job: Evaluate) -> FrameSequence[StereoFrame]:
-    """The frames that are asked for, with the rig that is asked for."""
-    assert not isinstance(job.source, Maps)
-    whole = opened_with_rig(
+def judge_clouds(job: Evaluate) -> CloudsReport:
+    """Nearest neighbours between every cloud and its reference, in what both sensors see."""
+    source = opened(job)
+    reference = None if job.reference is None else str(job.reference)
+    if source.yields is RecordedCloud:
+        clouds = clouds_of(source)
+        against = OWN_SCANS if reference is None else other_clouds(reference, clouds)
+        return told(job, clouds, against, subject=source.summary.line)
+    pairs = pairs_of(source)
+    match = MatchFrame(*matching(job, pairs), Cleaner.load(job.clean), MIN_DENSITY)
+    scans = OwnReference("scan") if reference is None else other_scans(reference, pairs)
+    per_frame = CompareCloudOfPair(match, job.reproject.load(), scans)
+    return told(job, pairs, per_frame, subject=f"{described(job.matcher)} on {source.summary.line}")
+
+
+def told(
+    job: Evaluate, source: FrameSequence[AnyFrame], per_frame: Comparing[AnyFrame], *, subject: str
+) -> CloudsReport:
+    """Compare every cloud."""
+    return compared_clouds(
+        source,
+        per_frame,
+        subject=subject,
+        reference=WORDS[SCAN] if job.reference is None else str(job.reference),
+        bins=job.bins,
+        crew=CrewPlan(job.workers),
+        on_error=job.on_error,
+        tried=FRAMES_TRIED,
+        check=job.check and source.yields is StereoFrame,
+    )
+
+
+def matching(job: Evaluate, source: FrameSequence[StereoFrame]) -> tuple[StereoMatcher, MapFilters]:
+    """What finds the disparities, and what is done to them."""
+    filters = MapFilters.load(job.smooth, job.fill)
+    matcher: StereoMatcher = job.matcher.load(min_depth_m=nearest_depth_m(job.min_depth, source))
+    if job.temporal is None:
+        return matcher, filters
+    fuse = job.temporal.load(matcher, pairs_of(whole(source)))
+    return fuse.sightings, filters.after(fuse)
+
+
+def opened(job: Evaluate) -> FrameSequence[Frame]:
+    """The frames that are asked for, with the rig that is asked for.
+
+    Raises:
+        UsageError: disparity maps, where pairs or clouds are wanted.
+    """
+    if isinstance(job.source, Maps):
+        raise UsageError(
+            "disparity maps, which have no points",
+            want="pairs with scans, or clouds",
+            fix="Make clouds of them: `pseudolidar convert PAIRS OUT --disparity MAPS`.",
+            path=job.source.path,
+        )
+    every = opened_with_rig(
         job.source,
         job.rig,
         scale_calibration=job.scale_calibration,
         unit=job.rig_unit,
         swap=job.swap,
     )
-    return select(pairs_of(whole), job.frames, job.exclude)
+    return select(every, job.frames, job.exclude)
 
 
 def compare_maps(job: Evaluate) -> DisparityReport:

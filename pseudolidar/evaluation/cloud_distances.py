@@ -45,22 +45,35 @@ def cloud_distances(
 
     Source: Knapitsch et al., Tanks and Temples, ACM TOG 2017, section 4 (precision, recall).
     """
-    from scipy.spatial import cKDTree
-
     estimate, reference = (np.asarray(xyz, np.float64) for xyz in (estimate, reference))
     estimate, reference = (xyz[np.isfinite(xyz).all(axis=1)] for xyz in (estimate, reference))
-    asked = [
-        _thinned(xyz[in_view(xyz, of=other)], most)
-        for xyz, other in ((estimate, reference), (reference, estimate))
-    ]
-    if not len(estimate) or not len(reference):
-        asked = [xyz[:0] for xyz in asked]
-    distances = [
-        np.asarray(cKDTree(other).query(xyz)[0], np.float64) if len(xyz) else np.empty(0)
-        for xyz, other in ((asked[0], reference), (asked[1], estimate))
-    ]
-    ranges = [np.linalg.norm(xyz, axis=1) for xyz in asked]
-    return CloudDistances(distances[0], ranges[0], distances[1], ranges[1])
+    asked = in_view(estimate, of=reference), in_view(reference, of=estimate)
+    return distances_between(estimate, reference, asked=asked, most=most)
+
+
+def distances_between(
+    estimate: Float64, reference: Float64, *, asked: tuple[Bool, Bool], most: int | None = None
+) -> CloudDistances:
+    """Nearest neighbours of the points that are asked about, among all points of the other cloud.
+
+    Nothing is said where one of the clouds is empty. Asked about 120 000 points each, among as
+    many, takes half a second.
+
+    Args:
+        estimate: (N, 3) m, finite, in a sensor's frame.
+        reference: (M, 3) m, finite, in the same frame.
+        asked: (N,) and (M,) points that both sensors could see.
+        most: ask about at most so many points of each cloud, evenly taken.
+    """
+    from scipy.spatial import cKDTree
+
+    some = len(estimate) > 0 and len(reference) > 0
+    found: list[Float64] = []
+    for xyz, chosen, other in ((estimate, asked[0], reference), (reference, asked[1], estimate)):
+        points = _thinned(xyz[chosen], most) if some else xyz[:0]
+        distance_m = cKDTree(other).query(points)[0] if len(points) else np.empty(0)
+        found += [np.asarray(distance_m, np.float64), np.linalg.norm(points, axis=1)]
+    return CloudDistances(*found)
 
 
 def in_view(xyz: Float64, *, of: Float64) -> Bool:

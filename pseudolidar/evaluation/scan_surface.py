@@ -9,7 +9,7 @@ import numpy as np
 
 from pseudolidar.errors import CalibrationField, ReferenceMissing
 from pseudolidar.geometry.open3d_library import load_open3d
-from pseudolidar.geometry.projection import project, project_scan
+from pseudolidar.geometry.projection import ProjectedScan, project, project_scan
 from pseudolidar.structures.arrays import AnyArray, Bool, Float64, Int64
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.frame import LidarScan, StereoFrame
@@ -67,12 +67,7 @@ class ScanSurface:
         if frame.scan is None:
             raise ReferenceMissing(f"frame {frame.id} has no LiDAR scan", want="a scan")
         points, uv, origin_m = _in_view(frame.scan, frame.rig)
-        beams = project_scan(frame.scan, frame.rig)
-        width, height = frame.size_px
-        seen = np.zeros((height, width), np.bool_)
-        column, row = np.rint(beams.uv).astype(np.intp).T
-        seen[row, column] = True
-        seen = _enclosed(seen)
+        seen = seen_area(project_scan(frame.scan, frame.rig), frame.size_px)
         return cls(points, _triangles(points - origin_m), uv, frame.rig.left, seen)
 
     def along_ray_m(self, range_m: Float64) -> Float64:
@@ -138,6 +133,20 @@ def _scene(points: Float64, triangles: Int64) -> tuple[Any, Any]:
         tensor(points.astype(np.float32)), tensor(np.ascontiguousarray(triangles, np.uint32))
     )
     return scene, tensor
+
+
+def seen_area(beams: ProjectedScan, size_px: tuple[int, int]) -> Bool:
+    """(H, W) pixels that LiDAR and left camera both see: with beams around them that came back.
+
+    Args:
+        beams: those that the camera sees, too.
+        size_px: (width, height) of the image.
+    """
+    width, height = size_px
+    seen = np.zeros((height, width), np.bool_)
+    column, row = np.rint(beams.uv).astype(np.intp).T
+    seen[row, column] = True
+    return _enclosed(seen)
 
 
 def _enclosed(beams: Bool) -> Bool:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pseudolidar.evaluation.cloud_distances import CloudDistances
-from pseudolidar.evaluation.comparison.bins import DepthBins, in_bin
+from pseudolidar.evaluation.comparison.bins import DEFAULT_BINS, DepthBins, in_bin
 from pseudolidar.evaluation.comparison.bootstrap import FrameBootstrap, Interval, interval
 from pseudolidar.evaluation.comparison.figures import Pooled, Resampled, Statistics
 from pseudolidar.evaluation.comparison.points import joined
@@ -84,9 +84,20 @@ class CloudComparison:
 
 
 def compare_clouds(
-    frames: Sequence[CloudDistances], *, subject: str, reference: str, bins: DepthBins
+    frames: Sequence[CloudDistances],
+    *,
+    subject: str = "",
+    reference: str = "",
+    bins: DepthBins = DEFAULT_BINS,
 ) -> CloudComparison:
-    """All figures of frames, at least one."""
+    """All figures of frames, at least one.
+
+    Args:
+        frames: of `cloud_distances` or `distances_to_scan`.
+        subject: what was compared, one line.
+        reference: with what.
+        bins: of the range from the sensor.
+    """
     sides = (
         _Side.of([(f.accuracy_m, f.estimate_range_m) for f in frames]),
         _Side.of([(f.completeness_m, f.reference_range_m) for f in frames]),

@@ -10,10 +10,11 @@ from pseudolidar.evaluation.map_files import is_maps
 from pseudolidar.running.comparing.partners import partners_of
 from pseudolidar.running.comparing.references import OtherMaps, OtherSource, Reference
 from pseudolidar.sources.recognise import recognise
-from pseudolidar.sources.source import FrameSequence
+from pseudolidar.sources.source import FrameSequence, clouds_of
 from pseudolidar.stereo.given_maps import GivenMaps, StoredSteps
 from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.recorded import Frame
 
 _log = logging.getLogger(__name__)
 
@@ -41,7 +42,22 @@ def other_reference(
         maps = GivenMaps.of(Path(text), source.ids, kind="disparity", stored=steps)
         _log.info("reference: disparity maps of %s", text)
         return OtherMaps(maps, frozenset(maps.files))
-    other = settings.open()
+    return _paired(source, settings.open(), matcher)
+
+
+def other_scans(text: str, source: FrameSequence[StereoFrame]) -> OtherSource:
+    """The clouds of another source as the scans of pairs.
+
+    Raises:
+        SourceUnknown, NoClouds: it has none.
+        SourceEmpty: none of its frames belongs to one of ours.
+    """
+    return _paired(source, clouds_of(recognise(text).open()), None)
+
+
+def _paired(
+    source: FrameSequence[StereoFrame], other: FrameSequence[Frame], matcher: StereoMatcher | None
+) -> OtherSource:
     partners = partners_of(source, other)
     _log.info("reference: %s", other.summary.line)
     _log.info("paired: %s", partners.how)

@@ -75,12 +75,12 @@ class OtherSource:
     Args:
         source: where they come from.
         partners: index there by the id of our frame.
-        matcher: how the disparities of its pairs are found.
+        matcher: how the disparities of its pairs are found; None for a source of clouds.
     """
 
     source: FrameSequence[Frame]
     partners: Mapping[str, int]
-    matcher: StereoMatcher
+    matcher: StereoMatcher | None = None
 
     def __call__(self, frame: StereoFrame) -> StereoFrame | None:
         """The frame with what the other source has at its place.
@@ -97,6 +97,7 @@ class OtherSource:
             case DepthFrame(depth=depth):
                 return replace(frame, scan=None, truth=disparities_of(depth, frame))
             case StereoFrame() as pair:
+                assert self.matcher is not None
                 depth = depth_map(self.matcher(pair), pair.rig)
                 return replace(frame, scan=None, truth=disparities_of(depth, frame))
 
