@@ -20,6 +20,7 @@ from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in, placed
 from pseudolidar.geometry.depth import depth_map
 from pseudolidar.geometry.frames import camera_tree
+from pseudolidar.running.apart import check_apart, paths_read
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
@@ -212,6 +213,8 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
     recording = RecordingPlan.of(job, source, wanted=job.to.recording)
     trees = per_frame.encode.trees
     products = (*recording.names, *trees.products, *([PREVIEW_NAME] if job.video else []))
+    read = paths_read(job.source, job.disparity, job.depth)
+    check_apart(job.out, read, (*job.to.folders, *products), overwrite=job.overwrite)
     with (
         Run.open(job.out, job, source, products=products) as run,
         recording.open(job.out, run.expected(per_frame, crew=job.crew)) as log,

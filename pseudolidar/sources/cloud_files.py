@@ -130,6 +130,11 @@ class CloudFileSource:
         )
 
 
+def cloud_files_of(path: Path) -> tuple[Path, ...]:
+    """The files that the clouds of a folder come from, or the one file that `path` is."""
+    return _listing(path).files
+
+
 @dataclass(frozen=True)
 class _Listing:
     """Files of clouds in natural order, links that lead nowhere, and what was odd."""

@@ -59,6 +59,11 @@ class Outputs:
         return tuple(kind for kind in self.kinds if kind not in (MCAP, *TREES))
 
     @property
+    def folders(self) -> tuple[str, ...]:
+        """Folders in the output folder that are written to."""
+        return tuple(folder_of(kind) for kind in self.kinds if kind != MCAP)
+
+    @property
     def trees(self) -> tuple[str, ...]:
         """The kinds that are layouts of other tools."""
         return tuple(kind for kind in self.kinds if kind in TREES)
