@@ -51,6 +51,7 @@ from pseudolidar.running.reports.comparison_files import (
     drives_csv,
     write_comparison,
 )
+from pseudolidar.running.reports.comparison_page import write_comparison_page
 from pseudolidar.running.reports.comparison_report import ComparisonReport
 from pseudolidar.running.reports.drives_report import DrivesReport
 from pseudolidar.running.reports.samples import sampled_frames
@@ -97,9 +98,9 @@ class Compare:
     judges all of them), before clouds are cut off at a range. Figures are pooled over reference
     points and binned by the reference's depth Z; intervals hold 95 % of resamples of the frames.
 
-    With OUT the figures are written there (compare.json, compare.csv), with clouds coloured by
-    their error; without it they are only told. A run that was killed is continued by the same
-    command.
+    With OUT the figures are written there (compare.json, compare.csv, and report.html with plots,
+    to be read and printed), with clouds coloured by their error; without it they are only told. A
+    run that was killed is continued by the same command.
 
     The second argument may also be another SOURCE to compare with: clouds, recordings, folders of
     disparity maps, pairs. It is taken for one if it exists and can be read as one, and is not a
@@ -247,7 +248,9 @@ def run_pairs(job: Compare, source: FrameSequence[StereoFrame]) -> ComparisonRep
     if job.out is None:
         return report
     facts = {"settings": result_settings(job), **report.facts}
-    return replace(report, files=write_comparison(job.out, comparison_csv(compared), facts))
+    page = write_comparison_page(job.out, report, settings={"disparities": job.matched_by})
+    files = write_comparison(job.out, comparison_csv(compared), facts)
+    return replace(report, files=[*files, page])
 
 
 def run_clouds(job: Compare, source: FrameSequence[RecordedCloud]) -> CloudsReport:

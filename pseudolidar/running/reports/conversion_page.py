@@ -79,7 +79,9 @@ def _overview(
     result: RunResult, rig: StereoRig | None, settings: Mapping[str, str]
 ) -> list[tuple[str, str]]:
     done = f"{len(result.committed)} of {result.total}, {len(result.skipped)} skipped"
-    rows = [("frames", done), *([] if rig is None else _rig_rows(rig))]
+    rows = [("frames", done)]
+    if rig is not None:
+        rows += [*rig_rows(rig), ("sigma includes", _systematic(rig))]
     means = {name: figure["mean"] for name, figure in result.figures.items()}
     if "density" in means:
         rows.append(("density", f"{means['density']:.1%} of the pixels, mean over frames"))
@@ -97,13 +99,13 @@ def _overview(
     return rows + list(settings.items())
 
 
-def _rig_rows(rig: StereoRig) -> list[tuple[str, str]]:
+def rig_rows(rig: StereoRig) -> list[tuple[str, str]]:
+    """What a reader should know of a rig."""
     width, height = rig.left.size_px
     return [
         ("images", f"{width} x {height} px"),
         ("rig", f"f {rig.left.focal_px:.4f} px, baseline {rig.baseline_m:.5f} m"),
         ("depth at 1 px", f"{rig.fB_px_m:.1f} m"),
-        ("sigma includes", _systematic(rig)),
     ]
 
 

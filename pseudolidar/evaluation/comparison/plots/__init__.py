@@ -1,0 +1,1 @@
+"""Figures of a comparison, from plain arrays and result nouns: for notebooks and reports."""

@@ -1,0 +1,222 @@
+"""What a comparison says in sentences and tables, for people who were not there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pseudolidar.evaluation.comparison.bootstrap import Interval
+from pseudolidar.evaluation.comparison.comparison import Comparison
+from pseudolidar.evaluation.comparison.figures import DepthFigures, RangeFigures
+from pseudolidar.evaluation.diagnosis.diagnosis import Diagnosis
+from pseudolidar.evaluation.page import KeyFigure
+from pseudolidar.running.reports.comparison_report import percent
+from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
+
+# Shares of errors within one sigma that are off by no more than this are called right.
+SIGMA_TOLERANCE = 0.05
+# A bias below this is none that matters.
+SMALL_BIAS_REL = 0.002
+ALTERNATIVES_SHOWN = 5
+
+RANGE_HEADER = (
+    "depth, m",
+    "median, %",
+    "interval, %",
+    "90 % below, %",
+    "bias, %",
+    "interval, %",
+    "RMSE, m",
+    "coverage, %",
+    "within 1.05, %",
+    "within 1 sigma, %",
+    "95 % radius, %",
+    "points",
+)
+
+
+def headline(compared: Comparison) -> str:
+    """The whole comparison in a sentence or two."""
+    low, high = compared.bins.range_m
+    overall, frames = compared.overall, counted(len(compared.frames), "frame")
+    if overall.median_rel is None or overall.p90_rel is None:
+        return f"Between {low} and {high} m there is no point that can be compared, in {frames}."
+    first = (
+        f"Between {low} and {high} m, half of the stereo depths agree with the {compared.reference}"
+        f" to {percent(overall.median_rel)} of the distance and nine of ten to "
+        f"{percent(overall.p90_rel)}, at {overall.n:,} points of {frames}."
+    )
+    return " ".join([first, *_extremes(compared.by_range)])
+
+
+def _extremes(by_range: Sequence[RangeFigures]) -> list[str]:
+    """Where it is best and where worst, if there is more than one range."""
+    known = [(share, each) for each in by_range if (share := each.figures.median_rel) is not None]
+    if len(known) < 2:
+        return []
+    (least, best), (most, worst) = (
+        choose(known, key=lambda pair: pair[0]) for choose in (min, max)
+    )
+    return [
+        f"The error is smallest at {best.from_m}-{best.to_m} m ({percent(least)}) and largest at "
+        f"{worst.from_m}-{worst.to_m} m ({percent(most)}: "
+        f"{metres(most * worst.from_m)} at {worst.from_m} m, "
+        f"{metres(most * worst.to_m)} at {worst.to_m} m)."
+    ]
+
+
+def key_figures(compared: Comparison) -> list[KeyFigure]:
+    """The numbers that people ask for first."""
+    overall = compared.overall
+    bounds = overall.intervals
+    keys = [
+        KeyFigure("median error", percent(overall.median_rel), _surely(bounds.get("median_rel"))),
+        KeyFigure("nine of ten within", percent(overall.p90_rel), _surely(bounds.get("p90_rel"))),
+        KeyFigure("bias", percent(overall.bias_rel, signed=True), _bias_words(overall.bias_rel)),
+        KeyFigure(
+            "coverage", percent(overall.density, digits=1), "of the reference points have stereo"
+        ),
+    ]
+    within = overall.within_1_sigma
+    if within is not None:
+        right = percent(ONE_SIGMA_SHARE, digits=0)
+        note = f"{right} is right: stated errors are {_sigma_words(within)}"
+        keys.append(KeyFigure("within one sigma", percent(within, digits=1), note))
+    return keys
+
+
+def _surely(bounds: Interval | None) -> str:
+    return (
+        "no interval of a single frame"
+        if bounds is None
+        else f"{between(bounds)} % (95 % interval)"
+    )
+
+
+def _bias_words(bias: float | None) -> str:
+    if bias is None:
+        return ""
+    if abs(bias) < SMALL_BIAS_REL:
+        return "signed median: hardly any"
+    return f"signed median: too {'far' if bias > 0 else 'near'}"
+
+
+def _sigma_words(within: float) -> str:
+    off = within - ONE_SIGMA_SHARE
+    if abs(off) <= SIGMA_TOLERANCE:
+        return "honest"
+    return "larger than needed" if off > 0 else "too small"
+
+
+def range_table(compared: Comparison) -> list[tuple[str, ...]]:
+    """A row for every bin, and one for all of them, as cells of `RANGE_HEADER`."""
+    rows = [_range_row(f"{e.from_m}-{e.to_m}", e.figures) for e in compared.by_range]
+    low, high = compared.bins.range_m
+    return [*rows, _range_row(f"all, {low}-{high}", compared.overall)]
+
+
+def _range_row(name: str, figures: DepthFigures) -> tuple[str, ...]:
+    bounds = figures.intervals
+    return (
+        name,
+        bare(figures.median_rel),
+        between(bounds.get("median_rel")),
+        bare(figures.p90_rel),
+        bare(figures.bias_rel, signed=True),
+        between(bounds.get("bias_rel"), signed=True),
+        "-" if figures.rmse_m is None else f"{figures.rmse_m:.2f}",
+        bare(figures.density, digits=1),
+        bare(figures.delta_1_05, digits=1),
+        bare(figures.within_1_sigma, digits=1),
+        bare(figures.within_95, digits=1),
+        f"{figures.n:,}",
+    )
+
+
+def bare(share: float | None, *, digits: int = 2, signed: bool = False) -> str:
+    """A share in percent, under a head that says so."""
+    return percent(share, digits=digits, signed=signed).removesuffix(" %")
+
+
+CAUSE_HEADER = ("what is the case", "cause", "size", "looks the same as")
+
+
+def cause_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """The chosen causes with their sizes, as cells of `CAUSE_HEADER`."""
+    return [
+        (
+            sentence(found.text),
+            plain(found.cause.name),
+            f"{found.size:+.2g} ± {found.sigma:.1g} {found.cause.unit}",
+            ", ".join(plain(name) for name in found.twins) or "-",
+        )
+        for found in diagnosis.chosen.causes
+    ]
+
+
+def diagnosis_words(diagnosis: Diagnosis) -> str:
+    """What is wrong, in sentences."""
+    size = f"The systematic disparity error is {diagnosis.systematic_px:.2f} px (median of blocks)"
+    if not diagnosis.chosen.causes:
+        return f"{size}. The rig is healthy: no cause explains more than chance."
+    return (
+        f"{size}; {percent(diagnosis.chosen.explained, digits=0)} of it is explained by the causes "
+        f"below, {diagnosis.unexplained_px:.2f} px are left. {_certainty(diagnosis)}"
+    )
+
+
+def _certainty(diagnosis: Diagnosis) -> str:
+    others = len(diagnosis.alternatives)
+    if not others:
+        return "No other explanation with as few causes is as good on frames outside the fit."
+    more = f"{counted(others, 'other explanation')} {'is' if others == 1 else 'are'}"
+    return f"{more} as good on frames outside the fit: take none for certain."
+
+
+def alternative_words(diagnosis: Diagnosis) -> list[str]:
+    """Explanations that the data do not tell from the chosen one, the best first."""
+    more = len(diagnosis.alternatives) - ALTERNATIVES_SHOWN
+    named = [
+        f"{sentence('; '.join(found.text for found in other.causes))} "
+        f"(explains {percent(other.explained, digits=0)})"
+        for other in diagnosis.alternatives[:ALTERNATIVES_SHOWN]
+    ]
+    return [*named, f"And {more} more, in compare.json"] if more > 0 else named
+
+
+def single_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """What each cause would explain alone."""
+    return [
+        (
+            plain(one.names[0]),
+            percent(one.explained, digits=0),
+            sentence(one.causes[0].text),
+        )
+        for one in diagnosis.single
+    ]
+
+
+def sentence(words: str) -> str:
+    """Words of a terminal as they are printed: a capital first, a plus-minus sign."""
+    return (words[:1].upper() + words[1:]).replace("+-", "±")
+
+
+def plain(name: str) -> str:
+    """An identifier as words."""
+    return name.replace("_", " ")
+
+
+def between(bounds: Interval | None, *, signed: bool = False) -> str:
+    """An interval of shares in percent, a dash for none."""
+    if bounds is None:
+        return "-"
+    return " to ".join(bare(bound, signed=signed) for bound in bounds)
+
+
+def metres(length_m: float) -> str:
+    """A length for people."""
+    return f"{length_m:.1f} m" if length_m >= 1 else f"{length_m:.2f} m"
+
+
+def counted(n: int, what: str) -> str:
+    """`1 frame`, `2 frames`."""
+    return f"{n:,} {what}{'' if n == 1 else 's'}"

@@ -1,0 +1,234 @@
+"""`report.html` of a comparison: the numbers of compare.json, every picture, in a real browser."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pseudolidar.cli import main
+from pseudolidar.evaluation.comparison.comparison import compare_frames
+from pseudolidar.running.products.compared_file import read_compared
+from pseudolidar.running.reports.comparison_page import PHOTOS, comparison_page
+from pseudolidar.running.reports.comparison_report import ComparisonReport
+from pseudolidar.running.reports.samples import FrameSample
+from pseudolidar.running.results import RunResult
+from pseudolidar.sources.source import SourceSummary
+
+STREET = ("synthetic:street:8", "--width-px", "480")
+SECTIONS = (
+    "What was compared",
+    "Error by range",
+    "Bias and coverage",
+    "Errors over the picture",
+    "Both clouds from above",
+    "Are the stated errors right?",
+    "Diagnosis of the rig",
+    "Frame by frame",
+    "How to read this",
+)
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Results of eight frames of a street; not to be changed."""
+    out = tmp_path_factory.mktemp("page") / "out"
+    assert main(["compare", *STREET, str(out), "--to", "none"]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def report(street) -> tuple[ComparisonReport, dict[str, FrameSample]]:
+    """The same as nouns."""
+    names = sorted(path.stem for path in (street / ".compared").iterdir())
+    compared = compare_frames([read_compared(street, name) for name in names], reference="scans")
+    source = SourceSummary("street", str(street), "a street")
+    samples = {name: FrameSample.read(street / ".report" / f"{name}.npz") for name in names}
+    return ComparisonReport(compared, RunResult(source, len(names), (), len(names))), samples
+
+
+class Page(HTMLParser):
+    """Tables as rows of cells, pictures with their texts, headings."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tables: list[list[list[str]]] = []
+        self.pictures: list[dict[str, str | None]] = []
+        self.headings: list[str] = []
+        self._within = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self._within = tag
+        if tag == "table":
+            self.tables.append([])
+        elif tag == "tr":
+            self.tables[-1].append([])
+        elif tag in ("td", "th"):
+            self.tables[-1][-1].append("")
+        elif tag == "img":
+            self.pictures.append(dict(attrs))
+
+    def handle_endtag(self, tag: str) -> None:
+        self._within = "" if tag in ("td", "th", "h2") else self._within
+
+    def handle_data(self, data: str) -> None:
+        if self._within in ("td", "th"):
+            self.tables[-1][-1][-1] += data.strip()
+        elif self._within == "h2":
+            self.headings.append(data)
+
+
+def test_the_page_has_the_numbers_of_the_json(street):
+    text = (street / "report.html").read_text()
+    page, stored = Page(text), json.loads((street / "compare.json").read_text())
+    assert [h for h in page.headings if h in SECTIONS] == list(SECTIONS)
+    (table,) = (t for t in page.tables if t[0][0] == "depth, m")
+    assert len(table) == 1 + 5 + 1
+    for row, each in zip(table[1:], [*stored["bins"], stored], strict=True):
+        name = f"{each['from_m']}-{each['to_m']}"
+        assert row[0] in (name, f"all, {name}")
+        low, high = each["intervals"]["median_rel"]
+        assert row[1:5] == [
+            f"{100 * each['median_rel']:.2f}",
+            f"{100 * low:.2f} to {100 * high:.2f}",
+            f"{100 * each['p90_rel']:.2f}",
+            f"{100 * each['bias_rel']:+.2f}",
+        ]
+        assert row[6] == f"{each['rmse_m']:.2f}"
+        assert row[7] == f"{100 * each['density']:.1f}"
+        assert row[9:11] == [f"{100 * each[n]:.1f}" for n in ("within_1_sigma", "within_95")]
+        assert row[11] == f"{each['n']:,}"
+    (lead,) = re.findall(r'class="lead">([^<]*)<', text)
+    assert f"half of the stereo depths agree with the {stored['reference']} to " in lead
+    assert f"{100 * stored['median_rel']:.2f} %" in lead
+    assert f"{100 * stored['p90_rel']:.2f} %" in lead
+    assert f"{stored['n']:,} points of 8 frames" in lead
+    worst = max(stored["bins"], key=lambda each: each["median_rel"])
+    assert (
+        f"largest at {worst['from_m']}-{worst['to_m']} m ({100 * worst['median_rel']:.2f}" in lead
+    )
+    assert "census (quality fast) + clean" in text
+    for cause in stored["diagnosis"]["chosen"]["causes"]:
+        assert cause["text"][1:].replace("+-", "±") in text
+
+
+def test_worst_frames_are_those_of_the_table_of_all(street):
+    page = Page((street / "report.html").read_text())
+    (table,) = (t for t in page.tables if t[0][0] == "frame")
+    lines = (street / "compare.csv").read_text().splitlines()
+    head = lines[0].split(",")
+    rows = [dict(zip(head, line.split(","), strict=True)) for line in lines[1:]]
+    whole = [r for r in rows if (r["from_m"], r["to_m"]) == ("5", "80") and r["frame"] != "all"]
+    whole.sort(key=lambda row: -float(row["median_rel"]))
+    assert [row[0] for row in table[1:]] == [row["frame"] for row in whole[:5]]
+    assert table[1][1] == f"{100 * float(whole[0]['median_rel']):.2f} %"
+
+
+def test_the_page_is_self_contained_and_says_what_pictures_show(street):
+    text = (street / "report.html").read_text()
+    assert not re.findall(r"(?:src|href)=\"(?!data:)", text)
+    assert "@media print" in text
+    assert "color-scheme: light" in text
+    page = Page(text)
+    assert all(picture["alt"] and len(picture["alt"]) > 20 for picture in page.pictures)
+    uris = [picture["src"] or "" for picture in page.pictures]
+    photos = [uri for uri in uris if uri.startswith("data:image/jpeg")]
+    assert len(photos) == PHOTOS + 2  # two from above
+    for uri in photos:
+        data = np.frombuffer(base64.b64decode(uri.partition(",")[2]), np.uint8)
+        picture = cv2.imdecode(data, cv2.IMREAD_COLOR)
+        assert picture.std() > 20
+        assert picture.shape[1] > 1200
+    assert len(uris) - len(photos) == 10  # plots
+
+
+def _browser() -> str | None:
+    return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
+
+
+# What a browser makes of the page: how many pictures it shows, and whether anything sticks out.
+PROBE = """<script>addEventListener("load", () => { const all = [...document.images];
+document.title = JSON.stringify({shown: all.filter(i => i.complete && i.naturalWidth > 99).length,
+pictures: all.length, sticks: document.documentElement.scrollWidth - innerWidth}) })</script>"""
+
+
+@pytest.mark.skipif(_browser() is None, reason="no Chromium on this machine")
+@pytest.mark.parametrize("width_px", [1200, 600])
+def test_a_browser_shows_every_picture_and_nothing_sticks_out(street, tmp_path, width_px):
+    path = tmp_path / "page.html"
+    path.write_text((street / "report.html").read_text() + PROBE)
+    browser = _browser()
+    assert browser is not None
+    args = ("--headless=new", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr")
+    window = (f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={width_px},900")
+    done = subprocess.run(
+        [browser, *args, *window, "--virtual-time-budget=5000", "--dump-dom", path.as_uri()],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    (title,) = re.findall(r"<title>(.*?)</title>", done.stdout)
+    found = json.loads(title)
+    assert found["shown"] == found["pictures"] == PHOTOS + 2 + 10
+    assert found["sticks"] <= 0
+    assert "CONSOLE" not in done.stderr
+
+
+def shown(report: ComparisonReport, samples: dict[str, FrameSample]) -> tuple[str, Page]:
+    text = comparison_page(report, samples=samples, settings={}).decode()
+    return text, Page(text)
+
+
+def compared_again(report: ComparisonReport, frames: list) -> ComparisonReport:
+    return replace(report, comparison=compare_frames(frames, reference="scans"))
+
+
+def test_one_frame_without_sigma_and_an_empty_bin(report):
+    whole, samples = report
+    frame = whole.comparison.frames[0]
+    near = frame.reference_m < 30
+    columns = ("u", "v", "reference_m", "disparity_px", "slope")
+    kept = {name: getattr(frame, name)[near] for name in columns}
+    alone = compared_again(whole, [replace(frame, sigma_px=None, **kept)])
+    text, page = shown(alone, samples)
+    assert "without a stated error" in text
+    assert "no interval of a single frame" in text
+    assert "Frame by frame" not in page.headings
+    (table,) = (t for t in page.tables if t[0][0] == "depth, m")
+    assert table[5][1:4] == ["-", "-", "-"]  # 50-80 m
+    assert table[5][-1] == "0"
+
+
+def test_few_points_and_none_at_all(report):
+    whole, samples = report
+    frame = whole.comparison.frames[0]
+    few, page = shown(compared_again(whole, [frame.thinned(20)]), {})
+    assert "Too few points to tell causes apart" in few
+    assert "Errors over the picture" not in page.headings
+    nothing = replace(frame, disparity_px=np.full_like(frame.disparity_px, np.nan))
+    text, page = shown(compared_again(whole, [nothing, nothing]), samples)
+    assert "there is no point that can be compared, in 2 frames" in text
+    (table,) = (t for t in page.tables if t[0][0] == "depth, m")
+    assert all(row[1] == "-" and row[-1] == "0" for row in table[1:])
+
+
+def test_names_from_files_are_escaped(report):
+    whole, samples = report
+    frame = replace(whole.comparison.frames[0], id="<script>&")
+    text, _ = shown(
+        compared_again(whole, [frame, *whole.comparison.frames[1:]]),
+        {**samples, "<script>&": next(iter(samples.values()))},
+    )
+    assert "<script>" not in text
+    assert "&lt;script&gt;&amp;" in text
