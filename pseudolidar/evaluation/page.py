@@ -44,9 +44,11 @@ font-variant-numeric: tabular-nums } .figures tr > :first-child { text-align: le
 .plots { display: flex; flex-wrap: wrap; gap: 1rem } .plots img { background: #fff; width: auto;
 max-width: 100% }
 @media (max-width: 700px) { .row { grid-template-columns: 1fr !important } }
-@media print { :root { color-scheme: light } body { font-size: 10pt; margin: 0; max-width: none }
-h2 { break-after: avoid } figure, tr, .keys div { break-inside: avoid }
-.row { gap: .4rem; margin: .4rem 0 .8rem } @page { margin: 15mm } }
+@media print { :root { color-scheme: light } body { font-size: 9.5pt; margin: 0; max-width: none }
+@page { margin: 14mm } h2, h2 + p { break-after: avoid }
+figure, tr, .figures, .keys div { break-inside: avoid } .wide { overflow: visible }
+.keys { grid-template-columns: repeat(5, 1fr) } .keys b { font-size: 13pt }
+.row { gap: .4rem; margin: .4rem 0 .8rem } .row img { max-height: 105mm; object-fit: contain } }
 </style></head><body>
 <h1>{{ title }}</h1><p class="soft">{{ subtitle }}</p>
 {% if lead %}<p class="lead">{{ lead }}</p>{% endif %}

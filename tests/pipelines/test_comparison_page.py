@@ -18,17 +18,19 @@ import pytest
 from pseudolidar.cli import main
 from pseudolidar.evaluation.comparison.comparison import compare_frames
 from pseudolidar.running.products.compared_file import read_compared
-from pseudolidar.running.reports.comparison_page import PHOTOS, comparison_page
+from pseudolidar.running.reports.comparison_page import PHOTOS, VIEWS, comparison_page
 from pseudolidar.running.reports.comparison_report import ComparisonReport
 from pseudolidar.running.reports.samples import FrameSample
 from pseudolidar.running.results import RunResult
 from pseudolidar.sources.source import SourceSummary
 
 STREET = ("synthetic:street:8", "--width-px", "480")
+PLOTS = 11
 SECTIONS = (
     "What was compared",
     "Error by range",
-    "Bias and coverage",
+    "Bias of the disparities",
+    "Coverage and large errors",
     "Errors over the picture",
     "Both clouds from above",
     "Are the stated errors right?",
@@ -92,22 +94,30 @@ def test_the_page_has_the_numbers_of_the_json(street):
     text = (street / "report.html").read_text()
     page, stored = Page(text), json.loads((street / "compare.json").read_text())
     assert [h for h in page.headings if h in SECTIONS] == list(SECTIONS)
-    (table,) = (t for t in page.tables if t[0][0] == "depth, m")
-    assert len(table) == 1 + 5 + 1
-    for row, each in zip(table[1:], [*stored["bins"], stored], strict=True):
+    errors, coverage, sigma = (t for t in page.tables if t[0][0] == "depth, m")
+    assert len(errors) == len(coverage) == len(sigma) == 1 + 5 + 1
+    rows = zip(errors[1:], coverage[1:], sigma[1:], [*stored["bins"], stored], strict=True)
+    for error, covered, sure, each in rows:
         name = f"{each['from_m']}-{each['to_m']}"
-        assert row[0] in (name, f"all, {name}")
+        assert error[0] == covered[0] == sure[0]
+        assert error[0] in (name, f"all, {name}")
         low, high = each["intervals"]["median_rel"]
-        assert row[1:5] == [
+        assert error[1:5] == [
             f"{100 * each['median_rel']:.2f}",
             f"{100 * low:.2f} to {100 * high:.2f}",
             f"{100 * each['p90_rel']:.2f}",
             f"{100 * each['bias_rel']:+.2f}",
         ]
-        assert row[6] == f"{each['rmse_m']:.2f}"
-        assert row[7] == f"{100 * each['density']:.1f}"
-        assert row[9:11] == [f"{100 * each[n]:.1f}" for n in ("within_1_sigma", "within_95")]
-        assert row[11] == f"{each['n']:,}"
+        assert error[6:] == [f"{each['rmse_m']:.2f}", f"{each['n']:,}"]
+        assert covered[1] == f"{100 * each['density']:.1f}"
+        assert covered[3:] == [
+            f"{100 * each['delta_1_05']:.1f}",
+            f"{100 * each['delta_1_25']:.1f}",
+            f"{each['reference_points']:,}",
+        ]
+        assert [sure[1], sure[3]] == [
+            f"{100 * each[n]:.1f}" for n in ("within_1_sigma", "within_95")
+        ]
     (lead,) = re.findall(r'class="lead">([^<]*)<', text)
     assert f"half of the stereo depths agree with the {stored['reference']} to " in lead
     assert f"{100 * stored['median_rel']:.2f} %" in lead
@@ -143,13 +153,13 @@ def test_the_page_is_self_contained_and_says_what_pictures_show(street):
     assert all(picture["alt"] and len(picture["alt"]) > 20 for picture in page.pictures)
     uris = [picture["src"] or "" for picture in page.pictures]
     photos = [uri for uri in uris if uri.startswith("data:image/jpeg")]
-    assert len(photos) == PHOTOS + 2  # two from above
+    assert len(photos) == PHOTOS + VIEWS
     for uri in photos:
         data = np.frombuffer(base64.b64decode(uri.partition(",")[2]), np.uint8)
         picture = cv2.imdecode(data, cv2.IMREAD_COLOR)
         assert picture.std() > 20
         assert picture.shape[1] > 1200
-    assert len(uris) - len(photos) == 10  # plots
+    assert len(uris) - len(photos) == PLOTS
 
 
 def _browser() -> str | None:
@@ -180,7 +190,7 @@ def test_a_browser_shows_every_picture_and_nothing_sticks_out(street, tmp_path, 
     )
     (title,) = re.findall(r"<title>(.*?)</title>", done.stdout)
     found = json.loads(title)
-    assert found["shown"] == found["pictures"] == PHOTOS + 2 + 10
+    assert found["shown"] == found["pictures"] == PHOTOS + VIEWS + PLOTS
     assert found["sticks"] <= 0
     assert "CONSOLE" not in done.stderr
 
@@ -205,7 +215,7 @@ def test_one_frame_without_sigma_and_an_empty_bin(report):
     assert "without a stated error" in text
     assert "no interval of a single frame" in text
     assert "Frame by frame" not in page.headings
-    (table,) = (t for t in page.tables if t[0][0] == "depth, m")
+    table, _ = (t for t in page.tables if t[0][0] == "depth, m")
     assert table[5][1:4] == ["-", "-", "-"]  # 50-80 m
     assert table[5][-1] == "0"
 
@@ -219,7 +229,7 @@ def test_few_points_and_none_at_all(report):
     nothing = replace(frame, disparity_px=np.full_like(frame.disparity_px, np.nan))
     text, page = shown(compared_again(whole, [nothing, nothing]), samples)
     assert "there is no point that can be compared, in 2 frames" in text
-    (table,) = (t for t in page.tables if t[0][0] == "depth, m")
+    table = next(t for t in page.tables if t[0][0] == "depth, m")
     assert all(row[1] == "-" and row[-1] == "0" for row in table[1:])
 
 
@@ -227,7 +237,7 @@ def test_names_from_files_are_escaped(report):
     whole, samples = report
     frame = replace(whole.comparison.frames[0], id="<script>&")
     text, _ = shown(
-        compared_again(whole, [frame, *whole.comparison.frames[1:]]),
+        compared_again(whole, [frame, whole.comparison.frames[1]]),
         {**samples, "<script>&": next(iter(samples.values()))},
     )
     assert "<script>" not in text

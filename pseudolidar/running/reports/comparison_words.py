@@ -20,17 +20,28 @@ ALTERNATIVES_SHOWN = 5
 
 RANGE_HEADER = (
     "depth, m",
-    "median, %",
+    "median error, %",
     "interval, %",
     "90 % below, %",
     "bias, %",
     "interval, %",
     "RMSE, m",
-    "coverage, %",
-    "within 1.05, %",
-    "within 1 sigma, %",
-    "95 % radius, %",
     "points",
+)
+COVERAGE_HEADER = (
+    "depth, m",
+    "coverage, %",
+    "interval, %",
+    "off by less than 1.05, %",
+    "than 1.25, %",
+    "reference points",
+)
+SIGMA_HEADER = (
+    "depth, m",
+    "within one sigma, %",
+    "interval, %",
+    "within the 95 % radius, %",
+    "interval, %",
 )
 
 
@@ -108,28 +119,56 @@ def _sigma_words(within: float) -> str:
 
 
 def range_table(compared: Comparison) -> list[tuple[str, ...]]:
-    """A row for every bin, and one for all of them, as cells of `RANGE_HEADER`."""
-    rows = [_range_row(f"{e.from_m}-{e.to_m}", e.figures) for e in compared.by_range]
+    """Errors of every bin, and of all of them, as cells of `RANGE_HEADER`."""
+    return [
+        (
+            name,
+            bare(figures.median_rel),
+            between(figures.intervals.get("median_rel")),
+            bare(figures.p90_rel),
+            bare(figures.bias_rel, signed=True),
+            between(figures.intervals.get("bias_rel"), signed=True),
+            "-" if figures.rmse_m is None else f"{figures.rmse_m:.2f}",
+            f"{figures.n:,}",
+        )
+        for name, figures in _bins(compared)
+    ]
+
+
+def coverage_table(compared: Comparison) -> list[tuple[str, ...]]:
+    """How many points there are and how many are right, as cells of `COVERAGE_HEADER`."""
+    return [
+        (
+            name,
+            bare(figures.density, digits=1),
+            between(figures.intervals.get("density"), digits=1),
+            bare(figures.delta_1_05, digits=1),
+            bare(figures.delta_1_25, digits=1),
+            f"{figures.reference:,}",
+        )
+        for name, figures in _bins(compared)
+    ]
+
+
+def sigma_table(compared: Comparison) -> list[tuple[str, ...]]:
+    """Shares of errors inside the stated bounds, as cells of `SIGMA_HEADER`."""
+    return [
+        (
+            name,
+            bare(figures.within_1_sigma, digits=1),
+            between(figures.intervals.get("within_1_sigma"), digits=1),
+            bare(figures.within_95, digits=1),
+            between(figures.intervals.get("within_95"), digits=1),
+        )
+        for name, figures in _bins(compared)
+    ]
+
+
+def _bins(compared: Comparison) -> list[tuple[str, DepthFigures]]:
+    """Every bin with its name, then all of them."""
+    rows = [(f"{each.from_m}-{each.to_m}", each.figures) for each in compared.by_range]
     low, high = compared.bins.range_m
-    return [*rows, _range_row(f"all, {low}-{high}", compared.overall)]
-
-
-def _range_row(name: str, figures: DepthFigures) -> tuple[str, ...]:
-    bounds = figures.intervals
-    return (
-        name,
-        bare(figures.median_rel),
-        between(bounds.get("median_rel")),
-        bare(figures.p90_rel),
-        bare(figures.bias_rel, signed=True),
-        between(bounds.get("bias_rel"), signed=True),
-        "-" if figures.rmse_m is None else f"{figures.rmse_m:.2f}",
-        bare(figures.density, digits=1),
-        bare(figures.delta_1_05, digits=1),
-        bare(figures.within_1_sigma, digits=1),
-        bare(figures.within_95, digits=1),
-        f"{figures.n:,}",
-    )
+    return [*rows, (f"all, {low}-{high}", compared.overall)]
 
 
 def bare(share: float | None, *, digits: int = 2, signed: bool = False) -> str:
@@ -205,11 +244,11 @@ def plain(name: str) -> str:
     return name.replace("_", " ")
 
 
-def between(bounds: Interval | None, *, signed: bool = False) -> str:
+def between(bounds: Interval | None, *, digits: int = 2, signed: bool = False) -> str:
     """An interval of shares in percent, a dash for none."""
     if bounds is None:
         return "-"
-    return " to ".join(bare(bound, signed=signed) for bound in bounds)
+    return " to ".join(bare(bound, digits=digits, signed=signed) for bound in bounds)
 
 
 def metres(length_m: float) -> str:

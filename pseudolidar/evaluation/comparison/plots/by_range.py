@@ -74,8 +74,38 @@ def coverage_plot(by_range: Sequence[RangeFigures]) -> Figure:
         marker="o",
         digits=0,
     )
-    axes.set(title="Reference points that stereo has", ylabel="share, %", ylim=(0, 110))
+    axes.set(title="Reference points that stereo has", ylabel="share, %", ylim=(0, 112))
+    axes.set_yticks(range(0, 101, 20))
     depth_axis(axes, [(each.from_m, each.to_m) for each in by_range])
+    return figure
+
+
+def inlier_plot(by_range: Sequence[RangeFigures]) -> Figure:
+    """Share of the points whose depth is off by less than 1.05 and than 1.25.
+
+    Args:
+        by_range: figures of every bin.
+    """
+    figure, axes = new_figure()
+    for name, colour, marker, factor in (
+        ("delta_1_25", GREEN, "s", "1.25"),
+        ("delta_1_05", BLUE, "o", "1.05"),
+    ):
+        with_intervals(
+            axes,
+            [getattr(each.figures, name) for each in by_range],
+            [each.figures.intervals.get(name) for each in by_range],
+            colour=colour,
+            marker=marker,
+            label=f"off by less than the factor {factor}",
+            digits=0,
+            below=name == "delta_1_05",
+        )
+    axes.set(title="Points without a large error", ylabel="share of the points, %", ylim=(0, 112))
+    axes.set_yticks(range(0, 101, 20))
+    depth_axis(axes, [(each.from_m, each.to_m) for each in by_range])
+    if any(each.figures.n for each in by_range):
+        axes.legend(frameon=False, fontsize=9, loc="lower left")
     return figure
 
 
@@ -85,7 +115,7 @@ def explained_bias_plot(bias: Sequence[BiasShare]) -> Figure:
     Args:
         bias: of the diagnosis.
     """
-    figure, axes = new_figure()
+    figure, axes = new_figure(7.5, 2.8)
     for values, colour, marker, label in (
         ([each.bias_rel for each in bias], VERMILLION, "D", "measured"),
         ([each.explained_rel for each in bias], BLUE, "o", "explained by the causes"),
