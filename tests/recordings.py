@@ -15,9 +15,10 @@ from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud as PointCloudMessage
 from mcap.writer import Writer
 from mcap_protobuf.schema import build_file_descriptor_set
+from rosbags.rosbag1 import Writer as Rosbag1Writer
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from pseudolidar.formats.mcap.content import McapContent
 from pseudolidar.formats.mcap.frame import pack_frame
@@ -202,6 +203,44 @@ def write_ros2_bag(
     return folder
 
 
+def write_ros1_bag(path: Path, messages: Iterable[tuple[str, Any, int]]) -> Path:
+    """By rosbags, in several chunks even of a small drive."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    transforms = "geometry_msgs/TransformStamped[] transforms"
+    store.register(get_types_from_msg(transforms, "tf2_msgs/msg/TFMessage"))
+    writer = Rosbag1Writer(path)
+    writer.set_compression(Rosbag1Writer.CompressionFormat.LZ4)
+    writer.chunk_threshold = 30_000
+    with writer:
+        topics: dict[str, Any] = {}
+        for number, (topic, message, filed_ns) in enumerate(messages):
+            kind = message.__msgtype__
+            if topic not in topics:
+                topics[topic] = writer.add_connection(topic, kind, typestore=store)
+            data = store.serialize_ros1(_ros1(message, store.types, number), kind)
+            writer.write(topics[topic], filed_ns, data)
+    return path
+
+
+def _ros1(message: Any, types: Any, number: int) -> Any:
+    """The message with headers of ROS 1, which count, and capital letters in camera_info."""
+    kind = getattr(message, "__msgtype__", None)
+    if isinstance(message, list):
+        return [_ros1(item, types, number) for item in message]
+    if kind is None:
+        return message
+    values = {
+        name: _ros1(getattr(message, name), types, number)
+        for name in message.__dataclass_fields__
+        if name != "__msgtype__"
+    }
+    if kind == "std_msgs/msg/Header":
+        values = {"seq": number, **values}
+    if kind == "sensor_msgs/msg/CameraInfo":
+        values = {n.upper() if n in "dkrp" else n: v for n, v in values.items()}
+    return types[kind](**values)
+
+
 # --- a small drive --------------------------------------------------------------------------
 
 WIDTH_PX, HEIGHT_PX, SHIFT_PX = 96, 48, 9
@@ -356,8 +395,8 @@ def foxglove_messages(frames: Iterable[StereoFrame]) -> Iterator[tuple[str, Any,
             name = NAMES[f"camera_{side}"]
             camera = CameraCalibration(
                 frame_id=name,
-                width=WIDTH_PX,
-                height=HEIGHT_PX,
+                width=rig.left.width_px,
+                height=rig.left.height_px,
                 K=rig.left.K.ravel(),
                 R=np.eye(3).ravel(),
                 P=P.ravel(),

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rosbags.rosbag1 import Writer as Rosbag1Writer
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from pseudolidar.errors import (
     CalibrationMissing,
@@ -44,6 +42,7 @@ from tests.recordings import (
     small_drive,
     write_foxglove,
     write_own,
+    write_ros1_bag,
     write_ros2_bag,
     write_ros2_mcap,
 )
@@ -452,42 +451,7 @@ def test_a_file_that_changes_is_noticed(tmp_path: Path, drive: list[StereoFrame]
 
 @pytest.fixture
 def ros1_bag(tmp_path: Path, drive: list[StereoFrame]) -> Path:
-    store = get_typestore(Stores.ROS1_NOETIC)
-    transforms = "geometry_msgs/TransformStamped[] transforms"
-    store.register(get_types_from_msg(transforms, "tf2_msgs/msg/TFMessage"))
-    types = store.types
-    path = tmp_path / "a.bag"
-    writer = Rosbag1Writer(path)
-    writer.set_compression(Rosbag1Writer.CompressionFormat.LZ4)
-    writer.chunk_threshold = 30_000  # several chunks of so small a drive
-    with writer:
-        topics: dict[str, object] = {}
-        for number, (topic, message, filed) in enumerate(ros2_messages(drive)):
-            kind = message.__msgtype__
-            if topic not in topics:
-                topics[topic] = writer.add_connection(topic, kind, typestore=store)
-            data = store.serialize_ros1(_ros1(message, types, number), kind)
-            writer.write(topics[topic], filed, data)  # type: ignore[arg-type]
-    return path
-
-
-def _ros1(message: object, types: dict, number: int) -> object:  # type: ignore[type-arg]
-    """The message with headers of ROS 1, which count, and capital letters in camera_info."""
-    kind = getattr(message, "__msgtype__", None)
-    if isinstance(message, list):
-        return [_ros1(item, types, number) for item in message]
-    if kind is None:
-        return message
-    values = {
-        name: _ros1(getattr(message, name), types, number)
-        for name in message.__dataclass_fields__  # type: ignore[attr-defined]
-        if name != "__msgtype__"
-    }
-    if kind == "std_msgs/msg/Header":
-        values = {"seq": number, **values}
-    if kind == "sensor_msgs/msg/CameraInfo":
-        values = {n.upper() if n in "dkrp" else n: v for n, v in values.items()}
-    return types[kind](**values)
+    return write_ros1_bag(tmp_path / "a.bag", ros2_messages(drive))
 
 
 def test_a_ros1_bag(ros1_bag: Path, drive: list[StereoFrame]) -> None:
