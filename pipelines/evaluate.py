@@ -35,6 +35,7 @@ from pseudolidar.running.settings_schema import described
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.scans_put_right import Scans
 from pseudolidar.sources.selection import FrameSelection, select, whole
 from pseudolidar.sources.source import FrameSequence, clouds_of, nearest_depth_m, pairs_of
 from pseudolidar.stereo.census import Census
@@ -122,6 +123,8 @@ class Evaluate:
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
             By default what the data set says of its scenes, else 3.
         swap: exchange left and right pictures.
+        scans: how LiDAR scans are put right first: moved to one moment, where the data say when
+            points were taken; beams raised.
         check: look at the first, the middle and the last pair before: swapped eyes, rows that are
             off and a calibration for another size stop it, other oddities are warned of.
         workers: frames worked on at the same time; more than one disturbs the measured time.
@@ -145,6 +148,7 @@ class Evaluate:
     scale_calibration: bool = False
     min_depth: float | None = None
     swap: bool = False
+    scans: Scans = field(default_factory=Scans)
     check: Annotated[bool, RUN_ONLY] = True
     workers: Annotated[int, RUN_ONLY] = 1
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
@@ -301,6 +305,7 @@ def opened(job: Evaluate) -> FrameSequence[Frame]:
         scale_calibration=job.scale_calibration,
         unit=job.rig_unit,
         swap=job.swap,
+        scans=job.scans,
     )
     return select(every, job.frames, job.exclude)
 

@@ -22,6 +22,7 @@ from pseudolidar.running.reference_refining import ReferenceRefinement, refined_
 from pseudolidar.sources.aligned_rows import with_rows_aligned
 from pseudolidar.sources.other_rig import opened_as_taken
 from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.scans_put_right import Scans
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSource, nearest_depth_m, pairs_of
 from pseudolidar.stereo.census import Census
@@ -57,6 +58,8 @@ class Refine:
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
             By default what the data set says of its scenes, else 3.
         swap: exchange left and right pictures.
+        scans: how LiDAR scans are put right first: moved to one moment, where the data say when
+            points were taken; beams raised.
         check: look at the first, the middle and the last pair before: swapped eyes and a
             calibration for another size stop it, other oddities are warned of.
         workers: frames worked on at the same time; by default one per core.
@@ -75,6 +78,7 @@ class Refine:
     scale_calibration: bool = False
     min_depth: float | None = None
     swap: bool = False
+    scans: Scans = field(default_factory=Scans)
     check: Annotated[bool, RUN_ONLY] = True
     workers: Annotated[int | None, RUN_ONLY] = None
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
@@ -116,6 +120,7 @@ def opened(job: Refine) -> FrameSource:
         scale_calibration=job.scale_calibration,
         unit=job.rig_unit,
         swap=job.swap,
+        scans=job.scans,
     )
     return pairs_of(select(whole, job.frames, job.exclude))
 

@@ -1,4 +1,4 @@
-"""OXTS packets of KITTI raw: where the IMU was, one file of 30 numbers a frame."""
+"""OXTS packets of KITTI raw: where the IMU was and how it moved, a file of 30 numbers a frame."""
 
 from __future__ import annotations
 
@@ -14,9 +14,13 @@ from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.text import read_lines
 from pseudolidar.geometry.frames import BASE_LINK, MAP
 from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.motion import BodyMotion
 from pseudolidar.structures.pose import Pose
 
 COLUMNS = 30
+# Columns of the velocity (forward, left, up, parallel to the ground) and of the rates about the
+# IMU's own axes.
+VELOCITY, RATES = slice(8, 11), slice(17, 20)
 EARTH_RADIUS_M = 6_378_137.0  # as in the KITTI devkit (WGS 84, equatorial)
 LARGEST_LATITUDE_DEG = 85.0  # Mercator's limit
 FRAME_WORLD = "mercator"
@@ -24,7 +28,7 @@ FRAME_WORLD = "mercator"
 
 @dataclass(frozen=True)
 class OxtsPacket:
-    """The first six columns: position and attitude of the IMU.
+    """Position, attitude and motion of the IMU.
 
     Args:
         latitude_deg: north positive.
@@ -33,6 +37,8 @@ class OxtsPacket:
         roll_rad: left side up is positive.
         pitch_rad: front down is positive.
         yaw_rad: 0 is east, counter-clockwise.
+        velocity_m_s: forward, left and up, parallel to the ground and across it.
+        rates_rad_s: about the IMU's own axes x, y, z.
     """
 
     latitude_deg: float
@@ -41,6 +47,8 @@ class OxtsPacket:
     roll_rad: float
     pitch_rad: float
     yaw_rad: float
+    velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rates_rad_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def read_oxts(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> OxtsPacket:
@@ -53,7 +61,14 @@ def read_oxts(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> OxtsPacket:
     if len(lines) != 1:
         raise PoseFileError(f"{len(lines)} lines", want=f"one of {COLUMNS} numbers", path=path)
     values = lines[0].numbers(lines[0].words(), count=COLUMNS)
-    packet = OxtsPacket(*values[:6])
+    forward, left, up = values[VELOCITY]
+    about_x, about_y, about_z = values[RATES]
+    latitude, longitude, altitude, roll, pitch, yaw = values[:6]
+    packet = OxtsPacket(
+        *(latitude, longitude, altitude, roll, pitch, yaw),
+        velocity_m_s=(forward, left, up),
+        rates_rad_s=(about_x, about_y, about_z),
+    )
     if abs(packet.latitude_deg) > LARGEST_LATITUDE_DEG or abs(packet.longitude_deg) > 180.0:
         raise lines[0].refusal(
             f"latitude {packet.latitude_deg:g}, longitude {packet.longitude_deg:g}",
@@ -81,6 +96,16 @@ def body_pose(packet: OxtsPacket, first: OxtsPacket) -> Pose:
     scale = math.cos(math.radians(first.latitude_deg))
     T_world_first = Pose(FRAME_WORLD, MAP, _matrix(first, scale))
     return T_world_first.inverse() @ Pose(FRAME_WORLD, BASE_LINK, _matrix(packet, scale))
+
+
+def body_motion(packet: OxtsPacket) -> BodyMotion:
+    """The motion of `base_link`, the IMU, in its own axes.
+
+    Source: KITTI raw development kit, dataformat.txt (vf, vl, vu are level; wx, wy, wz are not).
+    """
+    R_level_body = _rotation(packet.roll_rad, packet.pitch_rad, 0.0)
+    velocity = R_level_body.T @ np.array(packet.velocity_m_s, np.float64)
+    return BodyMotion(BASE_LINK, velocity, np.array(packet.rates_rad_s, np.float64))
 
 
 def packet_at(T_map_base_link: Pose, first: OxtsPacket) -> OxtsPacket:

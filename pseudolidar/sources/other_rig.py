@@ -18,6 +18,7 @@ from pseudolidar.geometry.frames import BASE_LINK, left_in_base_link
 from pseudolidar.sources.aligned_rows import AlignedRows, with_rows_aligned
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.recording.recording import Recording
+from pseudolidar.sources.scans_put_right import Scans, ScansPutRight, with_scans_put_right
 from pseudolidar.sources.selection import SelectedSource
 from pseudolidar.sources.source import (
     FrameSequence,
@@ -44,6 +45,7 @@ def opened_with_rig(
     scale_calibration: bool = False,
     unit: RigUnit | None = None,
     swap: bool = False,
+    scans: Scans | None = None,
 ) -> FrameSequence[Frame]:
     """Open a source; where a calibration is given, with that in place of its own.
 
@@ -55,12 +57,13 @@ def opened_with_rig(
         scale_calibration: scale it to the images where they have another size.
         unit: of its lengths, for files that do not say it.
         swap: exchange left and right pictures.
+        scans: how LiDAR scans are put right; None to leave them as they are stored.
 
     Raises:
         PseudolidarError: what opening the source, reading the file, or `with_rig` raises.
     """
     source = opened_as_taken(
-        settings, rig, scale_calibration=scale_calibration, unit=unit, swap=swap
+        settings, rig, scale_calibration=scale_calibration, unit=unit, swap=swap, scans=scans
     )
     return with_rows_aligned(source)
 
@@ -72,9 +75,11 @@ def opened_as_taken(
     scale_calibration: bool = False,
     unit: RigUnit | None = None,
     swap: bool = False,
+    scans: Scans | None = None,
 ) -> FrameSequence[Frame]:
     """As `opened_with_rig`, with the pictures as they are: for what fits a new row correction."""
-    source = _opened(settings, rig, scale_calibration=scale_calibration, unit=unit)
+    opened = _opened(settings, rig, scale_calibration=scale_calibration, unit=unit)
+    source = with_scans_put_right(opened, scans)
     return SwappedSource(pairs_of(source)) if swap else source
 
 
@@ -199,7 +204,7 @@ def replaced_rig(source: FrameSequence[Frame]) -> StereoRig | None:
     """The source's own rig, where another one replaces it."""
     if isinstance(source, RiggedSource):
         return source.source.rig
-    if isinstance(source, SwappedSource | SelectedSource | AlignedRows):
+    if isinstance(source, SwappedSource | SelectedSource | AlignedRows | ScansPutRight):
         return replaced_rig(source.source)
     return None
 

@@ -35,6 +35,7 @@ class SourceSummary:
         notes: what was assumed ("time: synthetic", the pairing rule).
         camera: calibration in words where there is no rig; the same words, the same results.
         nearest_m: depth Z of the nearest thing that the data set says it holds, where it does.
+        turning_scans: whether scans and frames say when points were taken and how the rig moved.
     """
 
     kind: str
@@ -44,6 +45,7 @@ class SourceSummary:
     notes: tuple[str, ...] = ()
     camera: str = ""
     nearest_m: float | None = None
+    turning_scans: bool = False
 
 
 class FrameSequence(Protocol[AnyFrame]):

@@ -11,6 +11,7 @@ from pseudolidar.structures.arrays import AnyArray, Float32, Image, Int64, check
 from pseudolidar.structures.box import Label
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.disparity import DisparityMap
+from pseudolidar.structures.motion import BodyMotion
 from pseudolidar.structures.pose import Pose
 
 
@@ -24,6 +25,7 @@ class LidarScan:
         timestamp_ns: time of the scan.
         frame: coordinate frame.
         point_times_ns: (N,) int64 per-point times, or None.
+        turn_ns: when the turn began and ended, where only that is known.
         dropped: points of the file that were not finite or beyond any range, and left out.
     """
 
@@ -33,6 +35,7 @@ class LidarScan:
     frame: str = "velodyne"
     point_times_ns: Int64 | None = None
     dropped: int = 0
+    turn_ns: tuple[int, int] | None = None
 
     def __post_init__(self) -> None:
         check_array("LidarScan", "xyz", self.xyz, (None, 3), np.float32)
@@ -103,6 +106,7 @@ class StereoFrame:
         scan: LiDAR scan of the same moment.
         labels: labelled objects, or None where the source has no labels for it.
         pose: ground truth `T_map_base_link`.
+        motion: of `base_link`, as an IMU measured it.
         truth: ground-truth disparity of the left image.
         notes: what was odd about it, for the report ("alpha channel dropped").
 
@@ -121,6 +125,7 @@ class StereoFrame:
     scan: LidarScan | None = None
     labels: tuple[Label, ...] | None = None
     pose: Pose | None = None
+    motion: BodyMotion | None = None
     truth: DisparityMap | None = None
     notes: tuple[str, ...] = ()
 

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pseudolidar.errors import PoseFileError
-from pseudolidar.formats.oxts import OxtsPacket, body_pose, packet_at, read_oxts, write_oxts
+from pseudolidar.formats.oxts import (
+    OxtsPacket,
+    body_motion,
+    body_pose,
+    packet_at,
+    read_oxts,
+    write_oxts,
+)
 
 FIRST = OxtsPacket(49.0, 8.4, 116.0, 0.0, 0.0, 0.0)
 
@@ -33,6 +41,30 @@ def test_angles_turn_as_the_data_format_says():
 def test_first_packet_is_the_map():
     tilted = OxtsPacket(49.0, 8.4, 116.0, 0.02, -0.03, 2.0)
     np.testing.assert_allclose(body_pose(tilted, tilted).matrix, np.eye(4), atol=1e-9)
+
+
+def test_motion_is_of_the_columns_that_the_data_format_names(tmp_path):
+    path = tmp_path / "0.txt"
+    path.write_text(" ".join(str(column) for column in range(30)).replace("0 1 2", "49 8 116", 1))
+    packet = read_oxts(path)
+    assert packet.velocity_m_s == (8.0, 9.0, 10.0)  # vf, vl, vu, not north and east
+    assert packet.rates_rad_s == (17.0, 18.0, 19.0)  # about the IMU's own axes
+
+
+def test_level_velocities_are_turned_into_the_body():
+    # nose down by 0.1 while driving level: the body moves forward and, in its own axes, up
+    diving = replace(FIRST, pitch_rad=0.1, velocity_m_s=(10.0, 0.0, 0.0), rates_rad_s=(0, 0, 0.3))
+    motion = body_motion(diving)
+    expected = (10 * math.cos(0.1), 0, 10 * math.sin(0.1))
+    np.testing.assert_allclose(motion.velocity_m_s, expected, atol=1e-12)
+    np.testing.assert_array_equal(motion.rate_rad_s, (0, 0, 0.3))
+    assert motion.frame == "base_link"
+    # and it is what poses a moment later say
+    later = replace(
+        diving, longitude_deg=8.4 + math.degrees(1.0 / 6_378_137.0) / math.cos(math.radians(49))
+    )
+    step = body_pose(later, diving).translation_m  # 1 m to the east, where it heads
+    np.testing.assert_allclose(step, motion.velocity_m_s / 10, atol=1e-3)
 
 
 def test_round_trip(tmp_path):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import ClassVar, Literal
@@ -11,7 +11,7 @@ from typing import ClassVar, Literal
 from pseudolidar.errors import PseudolidarError, SourceEmpty
 from pseudolidar.formats.labels import read_labels, unknown_classes
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.oxts import OxtsPacket, body_pose, read_oxts
+from pseudolidar.formats.oxts import OxtsPacket, body_motion, body_pose, read_oxts
 from pseudolidar.formats.pictures.disparity_png import read_disparity_png
 from pseudolidar.formats.pictures.image import read_image, read_size
 from pseudolidar.formats.points.velodyne_bin import read_velodyne_bin
@@ -22,6 +22,7 @@ from pseudolidar.sources.source import SourceSummary
 from pseudolidar.structures.box import Label
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import LidarScan, StereoFrame
+from pseudolidar.structures.motion import BodyMotion
 from pseudolidar.structures.pose import Pose
 
 # A run stops at as many bad frames in a row; so opening does not look further for a good one.
@@ -65,6 +66,7 @@ class FrameFiles:
         calibration: of the sequence, or the files of the frame's own.
         scan: Velodyne scan.
         scan_timestamp_ns: time of the scan, where it differs.
+        turn_ns: when the LiDAR's turn began and ended, where that is known.
         labels: objects.
         truth: ground-truth disparity.
         oxts: position and attitude.
@@ -78,6 +80,7 @@ class FrameFiles:
     calibration: KittiCalibration | CalibrationFiles
     scan: Path | None = None
     scan_timestamp_ns: int | None = None
+    turn_ns: tuple[int, int] | None = None
     labels: Path | None = None
     truth: Path | None = None
     oxts: Path | None = None
@@ -141,6 +144,7 @@ class KittiFrames:
         if labels is not None and (unknown := unknown_classes(labels)):
             notes.append(f"labels: classes that KITTI does not have: {', '.join(unknown)}")
         truth = None if files.truth is None else read_disparity_png(files.truth, limits=self.limits)
+        pose, motion = self._moving(files)
         try:
             return StereoFrame(
                 left=left.pixels,
@@ -151,7 +155,8 @@ class KittiFrames:
                 timestamp_ns=files.timestamp_ns,
                 scan=self._scan(files, rig),
                 labels=labels,
-                pose=self._pose(files),
+                pose=pose,
+                motion=motion,
                 truth=truth,
                 notes=tuple(notes),
             )
@@ -171,12 +176,15 @@ class KittiFrames:
         stamp_ns = files.scan_timestamp_ns
         if stamp_ns is None:
             stamp_ns = files.timestamp_ns
-        return read_velodyne_bin(files.scan, timestamp_ns=stamp_ns, limits=self.limits)
+        scan = read_velodyne_bin(files.scan, timestamp_ns=stamp_ns, limits=self.limits)
+        return replace(scan, turn_ns=files.turn_ns)
 
-    def _pose(self, files: FrameFiles) -> Pose | None:
+    def _moving(self, files: FrameFiles) -> tuple[Pose | None, BodyMotion | None]:
+        """Where the body is, and how it moves."""
         if files.oxts is None or self.first_oxts is None:
-            return files.pose
-        return body_pose(read_oxts(files.oxts, limits=self.limits), self.first_oxts)
+            return files.pose, None
+        packet = read_oxts(files.oxts, limits=self.limits)
+        return body_pose(packet, self.first_oxts), body_motion(packet)
 
 
 def calibration_of(files: FrameFiles, limits: Limits) -> KittiCalibration:
@@ -222,7 +230,9 @@ def opened(
         parts.append("labels")
     if any(files.truth for files in frames):
         parts.append("ground-truth disparity")
-    summary = SourceSummary(kind, path, ", ".join(parts), absent, notes)
+    turning = first_oxts is not None and any(files.turn_ns for files in frames)
+    line = ", ".join(parts)
+    summary = SourceSummary(kind, path, line, absent, notes, turning_scans=turning)
     return KittiFrames(summary, rig, cameras.numbers, frames, refused, first_oxts, limits)
 
 

@@ -142,10 +142,14 @@ def _no_cameras(wanted: CameraChoice, present: Sequence[CameraFolders], path: Pa
 
 def absent_part(name: str, files: NumberedFiles, numbers: Sequence[FrameNumber]) -> tuple[str, ...]:
     """What to say about optional data that not all frames have."""
-    missing = sum(files.get(number) is None for number in numbers)
+    return absent_count(name, sum(files.get(n) is None for n in numbers), len(numbers))
+
+
+def absent_count(name: str, missing: int, frames: int) -> tuple[str, ...]:
+    """What to say about optional data that so many of the frames lack."""
     if not missing:
         return ()
-    return (name if missing == len(numbers) else f"{name} of {missing} of {len(numbers)} frames",)
+    return (name if missing == frames else f"{name} of {missing} of {frames} frames",)
 
 
 def stray_note(name: str, files: NumberedFiles, numbers: Iterable[FrameNumber]) -> tuple[str, ...]:

@@ -20,12 +20,14 @@ from pseudolidar.sources.kitti.parts import (
     TEXT_SUFFIXES,
     CameraChoice,
     CameraFolders,
+    absent_count,
     absent_part,
     camera_folders,
     choose_cameras,
     one_of,
     stray_note,
 )
+from pseudolidar.sources.kitti.scan_times import ScanTimes, renumbered_note, scans_of_pictures
 from pseudolidar.sources.numbered import FrameNumber, NumberedFiles, numbered_files, pair_by_number
 from pseudolidar.sources.stamps import FrameTimes, read_frame_times, synthetic_times
 
@@ -76,7 +78,9 @@ class KittiRaw:
         numbers = [number for number, _, _ in pairs.pairs]
         times = _times(cameras.left.folder.parent, numbers, self.rate_hz, self.limits)
         scans = numbered_files(drive / "velodyne_points" / "data", SCAN_SUFFIXES)
-        scan_stamps = _scan_stamps(drive / "velodyne_points" / "timestamps.txt", self.limits)
+        scan_times = ScanTimes.read(drive / "velodyne_points", self.limits)
+        scan_of = scans_of_pictures(scans, scan_times, numbers, times.timestamps_ns)
+        timed = {n: scan_times.of(scan, scans.paths[scan]) for n, scan in scan_of.items()}
         packets = numbered_files(drive / "oxts" / "data", TEXT_SUFFIXES)
         first_oxts = _first_oxts(packets, numbers, calibration, self.limits)
         frames = tuple(
@@ -86,8 +90,9 @@ class KittiRaw:
                 left=left,
                 right=right,
                 calibration=calibration,
-                scan=scans.get(number),
-                scan_timestamp_ns=_at(scan_stamps, number),
+                scan=None if (scan := timed.get(number)) is None else scan.path,
+                scan_timestamp_ns=None if scan is None else scan.timestamp_ns,
+                turn_ns=None if scan is None else scan.turn_ns,
                 oxts=packets.get(number),
             )
             for (number, left, right), stamp_ns in zip(
@@ -104,7 +109,7 @@ class KittiRaw:
             absent=(
                 *absent,
                 *calibration_absent,
-                *absent_part("velodyne", scans, numbers),
+                *absent_count("velodyne", len(numbers) - len(scan_of), len(numbers)),
                 *absent_part("oxts", packets, numbers),
             ),
             notes=(
@@ -112,7 +117,8 @@ class KittiRaw:
                 *times.notes,
                 *calibration.notes,
                 *_date_note(drive, calibration),
-                *stray_note("velodyne", scans, numbers),
+                *stray_note("velodyne", scans, scan_of.values()),
+                *renumbered_note(scan_of),
             ),
             first_oxts=first_oxts,
             limits=self.limits,
@@ -205,14 +211,6 @@ def _times(
     if indices and path.is_file():
         return read_frame_times(path, read_timestamps(path, limits=limits), indices)
     return synthetic_times([index - indices[0] for index in indices], rate_hz)
-
-
-def _scan_stamps(path: Path, limits: Limits) -> tuple[int | None, ...]:
-    return read_timestamps(path, limits=limits) if path.is_file() else ()
-
-
-def _at(stamps_ns: Sequence[int | None], number: FrameNumber) -> int | None:
-    return stamps_ns[number[0]] if number[0] < len(stamps_ns) else None
 
 
 def _first_oxts(

@@ -1,0 +1,152 @@
+"""Scans put right where a source is opened: a drive on disk whose LiDAR turned while it moved."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from pseudolidar.cli import main
+from pseudolidar.errors import UsageError
+from pseudolidar.formats.points.velodyne_bin import write_velodyne_bin
+from pseudolidar.formats.timestamps import read_timestamps, write_timestamps
+from pseudolidar.geometry.scan_motion import turning_times_ns
+from pseudolidar.sources.kitti.raw import KittiRaw
+from pseudolidar.sources.other_rig import opened_as_taken, opened_with_rig
+from pseudolidar.sources.scans_put_right import Scans
+from pseudolidar.structures.frame import LidarScan
+
+FRAMES = 3
+TURN_NS = 100_000_000
+LATE_NS = 10_000_000  # pictures are stamped so long after the LiDAR faces forward
+VELOCITY, RATES = (12.0, 0.3, 0.0), (0.0, 0.01, 0.4)
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory) -> Path:
+    """A rendered drive, its scans and packets as a car that moves would have them."""
+    out = tmp_path_factory.mktemp("turning")
+    small = ("--width-px", "320", "--frames", str(FRAMES))
+    assert main(["synth", str(out / "drive"), "--layout", "raw", *small]) == 0
+    (place,) = (path.parents[1] for path in out.rglob("velodyne_points/data"))
+    stamps = read_timestamps(place / "velodyne_points" / "timestamps.txt")
+    scans = KittiRaw(str(place)).open()
+    twist = np.zeros((4, 4))
+    twist[:3, :3] = np.cross(np.eye(3), RATES)
+    twist[:3, 3] = VELOCITY
+    for index in range(FRAMES):
+        begin_ns = stamps[index] - TURN_NS // 2
+        world = scans.load(index).scan.xyz.astype(np.float64)[::20]
+        # Straight behind a turn ends and the next begins: what is there may be seen twice, or not.
+        world = world[np.abs(np.arctan2(world[:, 1], world[:, 0])) < 3.0]
+        np.save(place / f"world_{index}.npy", world)
+        seen = world.copy()
+        for _ in range(4):  # when a point is seen depends on where it is seen
+            times = turning_times_ns(seen, (begin_ns, begin_ns + TURN_NS))
+            seconds = (times - stamps[index]) / 1e9
+            stood = expm(twist * seconds[:, None, None])
+            seen = np.linalg.solve(stood, np.c_[world, np.ones(len(world))][..., None])[:, :3, 0]
+        path = place / "velodyne_points" / "data" / f"{index:010d}.bin"
+        write_velodyne_bin(path, LidarScan(seen.astype(np.float32)))
+        packet = place / "oxts" / "data" / f"{index:010d}.txt"
+        words = packet.read_text().split()
+        words[3:5] = ["0", "0"]  # level: the packet's velocities are, too
+        words[8:11], words[17:20] = map(str, VELOCITY), map(str, RATES)
+        packet.write_text(" ".join(words) + "\n")
+    for name, shift_ns in (("_start", -TURN_NS // 2), ("_end", TURN_NS // 2)):
+        path = place / "velodyne_points" / f"timestamps{name}.txt"
+        write_timestamps(path, [stamp + shift_ns for stamp in stamps])
+    for name in ("image_02", "image_03"):
+        write_timestamps(place / name / "timestamps.txt", [stamp + LATE_NS for stamp in stamps])
+    return place
+
+
+def world_of(drive: Path, index: int) -> np.ndarray:
+    return np.load(drive / f"world_{index}.npy")
+
+
+def test_points_come_to_where_they_are_at_one_moment(drive):
+    source = opened_with_rig(KittiRaw(str(drive)), None, scans=Scans())
+    notes = [note for note in source.summary.notes if note.startswith("scans:")]
+    assert notes == [
+        "scans: moved by the IMU's motion to the moment the LiDAR faces forward and triggers the "
+        "cameras"
+    ]
+    for index in range(FRAMES):
+        frame = source.load(index)
+        # the Velodyne is the IMU in this drive; azimuths are of float32, 1e-7 of a turn
+        np.testing.assert_allclose(frame.scan.xyz, world_of(drive, index), atol=2e-4)
+        assert frame.scan.turn_ns is None
+    as_stored = KittiRaw(str(drive)).open().load(0)
+    off_m = np.linalg.norm(as_stored.scan.xyz - world_of(drive, 0), axis=1)
+    assert off_m.max() > 0.3
+
+
+def test_the_picture_s_stamp_is_another_moment(drive):
+    frame = opened_with_rig(KittiRaw(str(drive)), None, scans=Scans("picture")).load(1)
+    # 10 ms on at 12 m/s everything is 0.12 m farther back, and turned by 4 mrad
+    moved = world_of(drive, 1) - np.array([0.12, 0.003, 0])
+    off_m = np.linalg.norm(frame.scan.xyz - moved, axis=1)
+    assert (off_m < 0.003 + 0.0045 * np.linalg.norm(moved, axis=1)).all()
+    assert frame.scan.timestamp_ns == frame.timestamp_ns
+
+
+def test_nothing_is_done_unless_it_is_known_and_wanted(drive, tmp_path):
+    for wanted in (None, Scans("none")):
+        source = opened_with_rig(KittiRaw(str(drive)), None, scans=wanted)
+        assert not any(note.startswith("scans:") for note in source.summary.notes)
+        assert source.load(0).scan.turn_ns is not None
+    date = tmp_path / drive.parent.name
+    shutil.copytree(drive.parent, date)
+    (date / drive.name / "velodyne_points" / "timestamps_end.txt").unlink()
+    source = opened_as_taken(KittiRaw(str(date)), None, scans=Scans())
+    assert not any(note.startswith("scans:") for note in source.summary.notes)
+    np.testing.assert_array_equal(
+        source.load(0).scan.xyz, KittiRaw(str(drive)).open().load(0).scan.xyz
+    )
+
+
+def test_beams_are_raised(drive):
+    source = opened_with_rig(KittiRaw(str(drive)), None, scans=Scans("none", tilt_deg=0.2))
+    assert "scans: beams raised by 0.2 degrees" in source.summary.notes
+    raised, plain = source.load(0).scan.xyz, KittiRaw(str(drive)).open().load(0).scan.xyz
+    elevations = [np.arctan2(p[:, 2], np.hypot(p[:, 0], p[:, 1])) for p in (raised, plain)]
+    np.testing.assert_allclose(np.rad2deg(elevations[0] - elevations[1]), 0.2, atol=1e-3)
+    with pytest.raises(UsageError, match="tilt of 20 degrees"):
+        Scans(tilt_deg=20)
+    with pytest.raises(UsageError):
+        Scans(tilt_deg=float("nan"))
+
+
+def test_scans_belong_to_pictures_by_time(drive, tmp_path):
+    date = tmp_path / drive.parent.name
+    shutil.copytree(drive.parent, date)
+    points = date / drive.name / "velodyne_points"
+    stamps = read_timestamps(points / "timestamps.txt")
+    # the LiDAR began one turn before the cameras: its scan k belongs to picture k - 1
+    step_ns = stamps[1] - stamps[0]
+    for index in reversed(range(FRAMES)):
+        path = points / "data" / f"{index:010d}.bin"
+        path.rename(points / "data" / f"{index + 1:010d}.bin")
+    write_timestamps(points / "timestamps.txt", [stamps[0] - step_ns, *stamps])
+    for name in ("_start", "_end"):
+        (points / f"timestamps{name}.txt").unlink()
+    source = KittiRaw(str(date)).open()
+    assert "velodyne: scans by time, 3 of 3 have another number" in source.summary.notes
+    first = opened_with_rig(KittiRaw(str(drive)), None).load(0)
+    np.testing.assert_array_equal(source.load(0).scan.xyz, first.scan.xyz)
+    assert source.load(0).scan.timestamp_ns == stamps[0]
+    # a turn that is lost is missing, and its neighbour does not stand in for it
+    (points / "data" / f"{2:010d}.bin").unlink()
+    lines = (points / "timestamps.txt").read_text().splitlines()
+    source = KittiRaw(str(date)).open()
+    assert source.load(1).scan is None
+    assert source.load(2).scan is not None
+    assert "velodyne of 1 of 3 frames" in source.summary.absent
+    # times that do not increase pair nothing: numbers do
+    lines[1], lines[3] = lines[3], lines[1]
+    (points / "timestamps.txt").write_text("\n".join(lines) + "\n")
+    assert KittiRaw(str(date)).open().frames[1].scan.name == f"{1:010d}.bin"
