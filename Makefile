@@ -40,8 +40,10 @@ lint: $(VENV)/installed-dev ## style, types, imports
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+# Files of tests are dealt out to so many processes.
+PROCESSES ?= 2
 test: lint ## lint, then all tests
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses $(PROCESSES) --dist loadfile
 
 format: $(VENV)/installed-dev ## format the code and mend what can be mended
 	$(BIN)/ruff check --fix .
