@@ -181,6 +181,15 @@ def test_usage_errors_exit_2_and_name_the_argument(
     assert said in " ".join(map(str, error.values()))
 
 
+def test_a_usage_error_is_one_sentence_on_any_terminal() -> None:
+    """Without characters for its box tyro draws rules of dashes."""
+    for args in (["kitti", "out", "more"], ["kitti", "--workers", "two"], []):
+        ended = command(*job(*args), PYTHONIOENCODING="ascii", PYTHONUTF8="0", LC_ALL="C")
+        assert ended.returncode == 2
+        assert "---" not in ended.stderr
+        assert len(ended.stderr.splitlines()) == 1
+
+
 def test_an_unknown_verb_suggests_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
     error = error_of(capsys, "docter")
     assert error["exit_code"] == 2

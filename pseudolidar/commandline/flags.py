@@ -19,7 +19,8 @@ from pseudolidar.commandline.flag_specs import Placeholder, placeholder, specs_o
 from pseudolidar.commandline.streams import forget_reader
 from pseudolidar.errors import UsageError
 
-_BOX = re.compile(r"[─│╭╮╰╯]+")
+# Its frame; rules of dashes where the terminal has no such characters.
+_BOX = re.compile(r"[─│╭╮╰╯]+|-{8,}")
 _END_OF_MESSAGE = re.compile(r"(Argument helptext|For full helptext).*", re.DOTALL)
 
 

@@ -21,6 +21,7 @@ from pseudolidar.formats.trajectory import write_kitti_poses
 from pseudolidar.formats.tum import write_tum_trajectory
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DisparityMap
+from tests.recordings import named_clouds, write_own
 
 
 def info(capsys, *paths):
@@ -203,6 +204,14 @@ def test_odd_things_stop_nothing(drive, tmp_path, capsys):
     assert all(each.get("unknown") or each.get("error") for each in found[:-1])
     assert "absent" in text
     assert "two\\nlines" in text
+
+
+def test_a_folder_with_one_recording_has_its_topics(tmp_path, capsys):
+    write_own(tmp_path / "drive.mcap", named_clouds(["a", "b"]))
+    found, text = one(capsys, tmp_path)
+    assert found["unknown"] == []
+    assert {row["topic"]: row["messages"] for row in found["topics"]}["/points"] == 2
+    assert "/points" in text
 
 
 def test_a_folder_of_several_things_is_listed(drive, tmp_path, capsys):

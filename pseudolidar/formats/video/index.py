@@ -150,11 +150,16 @@ class _Packet(NamedTuple):
 
 
 def _promised(container: str, claimed: int, decoded: Sequence[int | None]) -> int:
-    """Packets that the file claims to hold: AVI counts moments, and some of them have no frame."""
-    times = [time for time in decoded if time is not None]
+    """Packets that the file claims to hold.
+
+    AVI claims moments instead, of which some have no frame; those behind the last frame are its
+    duration, as long as another frame would not have been due.
+    """
+    times = sorted(time for time in decoded if time is not None)
     if container not in DECODING_TIMES_ONLY or not claimed or len(times) < len(decoded):
         return claimed
-    return claimed - max(0, max(times) + 1 - len(times))
+    interval = max(1, round(float(np.median(np.diff(times))))) if len(times) > 1 else 1
+    return len(times) + max(0, claimed - 1 - times[-1]) // interval
 
 
 def _index(

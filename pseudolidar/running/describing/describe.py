@@ -138,7 +138,7 @@ def _source(
     unknown: list[dict[str, Any]] = []
     kind = choice_name(type(settings))
     if isinstance(settings, Recording):
-        _into(facts, unknown, "topics", lambda: _topics(path))
+        _into(facts, unknown, "topics", lambda: _topics(settings.path))
     try:
         source = with_rows_aligned(settings.open())
     except PseudolidarError as error:
