@@ -309,5 +309,7 @@ def test_samples_are_few_and_cover_the_sequence(drive, tmp_path):
     sample = samples["000000"]
     assert sample.photo.shape == (64, 128, 3)
     assert np.nanmedian(sample.disparity) == pytest.approx(9, abs=0.1)
-    ahead = int((80 - DEPTH_M) / 0.5)
-    assert sample.top[ahead - 1 : ahead + 2].sum() > 0.9 * sample.top.sum()
+    assert sample.ahead_m == 10, "so that the wall of 7 m, 5.6 m away, fills it"
+    ahead = int((10 - DEPTH_M) / (10 / 160))
+    assert sample.top[ahead - 3 : ahead + 4].sum() > 0.9 * sample.top.sum()
+    assert (sample.top.sum(axis=0) > 0).sum() > 90

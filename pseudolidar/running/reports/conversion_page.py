@@ -25,7 +25,7 @@ from pseudolidar.running.reports.removed import (
     removed_lines,
     removed_picture,
 )
-from pseudolidar.running.reports.samples import TOP_AHEAD_M, TOP_ASIDE_M, FrameSample, read_samples
+from pseudolidar.running.reports.samples import FrameSample, read_samples
 from pseudolidar.running.results import RunResult
 from pseudolidar.structures.camera import StereoRig
 
@@ -38,8 +38,8 @@ DISPARITY_QUANTILE = 0.995
 TOP_SCALE = 3
 SKIPS_SHOWN = 50
 _TOP_TEXT = (
-    f"Points from above, {TOP_AHEAD_M:.0f} m ahead and {TOP_ASIDE_M:.0f} m to each side, the "
-    "sensor at the middle of the lower edge."
+    "Points from above, as far ahead as said below each, half of that to each side, the sensor at "
+    "the middle of the lower edge."
 )
 
 
@@ -119,7 +119,7 @@ def _systematic(rig: StereoRig) -> str:
 def _preview(folder: Path) -> list[Section]:
     if not (folder / PREVIEW_NAME).exists():
         return []
-    text = "Left image, disparity and the cloud from above, at the pace of the recording."
+    text = "Pictures and the cloud from above, at the pace of the recording."
     return [Section("Preview", text, video=PREVIEW_NAME)]
 
 
@@ -169,7 +169,7 @@ def _axes(title: str, x: str, y: str) -> tuple[Figure, Any]:
 
 
 def _density_plot(result: RunResult) -> Picture:
-    figure, axes = _axes("Pixels with a disparity", "frame", "share, %")
+    figure, axes = _axes("Pixels with a depth", "frame", "share, %")
     index = [record.index for record in result.committed]
     share = [100 * record.figures["density"] for record in result.committed]
     marker = "." if len(index) < 100 else ""
@@ -178,8 +178,10 @@ def _density_plot(result: RunResult) -> Picture:
         if record.index is not None:  # a frame refused at opening has no place in the sequence
             axes.axvline(record.index, color="tab:red", alpha=0.4, linewidth=1)
     axes.set_ylim(0, 100)
+    if len(index) == 1:
+        axes.set_xlim(index[0] - 1, index[0] + 1)
     axes.xaxis.get_major_locator().set_params(integer=True)
-    return Picture.plot(figure, "share of pixels with a disparity by frame; skipped frames are red")
+    return Picture.plot(figure, "share of pixels with a depth by frame; skipped frames are red")
 
 
 def _depth_plot(frames: Sequence[Mapping[str, Any]]) -> Picture:
@@ -227,5 +229,6 @@ def _sample_row(name: str, sample: FrameSample, max_px: float) -> PictureRow:
         if np.isfinite(truth).any():
             pictures.append(Picture.exact(error_picture(disparity, truth), "error", width=wide))
     top = thicker(top_picture(sample.top), TOP_SCALE)
-    caption = "from above" if pictures else f"{name}, from above"
+    caption = f"{sample.ahead_m:g} m ahead"
+    caption = caption if pictures else f"{name}, {caption}"
     return PictureRow((*pictures, Picture.exact(top, caption)))

@@ -28,8 +28,10 @@ SAMPLES_FOLDER = ".report"
 MAX_SAMPLES = 12
 # Longest side of a sample's picture, px: a third of a wide screen.
 MAX_SIDE_PX = 640
-# Top view: 80 m ahead and 40 m to each side in squares of 0.5 m.
-TOP_AHEAD_M, TOP_ASIDE_M, TOP_SQUARE_M = 80.0, 40.0, 0.5
+# Top view: as far ahead as the smallest of these that holds this share of the points ahead, half of
+# it to each side, in so many squares each way.
+TOP_REACHES_M = (2.5, 5.0, 10.0, 20.0, 40.0, 80.0)
+TOP_SHARE, TOP_SQUARES = 0.99, 160
 
 Float16 = npt.NDArray[np.float16]
 UInt16 = npt.NDArray[np.uint16]
@@ -44,8 +46,9 @@ class FrameSample:
         disparity: (h, w) float16 px of the full-size image, NaN where there is none.
         truth: (h, w) float16 px, ground truth; NaN everywhere where there is none.
         removed: (h, w) uint8 why cleaning removed a pixel, 0 where it did not.
-        top: (160, 160) uint16 points in each square of 0.5 m: rows from far (80 m) to near,
-            columns from left (40 m) to right.
+        top: (160, 160) uint16 points in each square: rows from far (`ahead_m`) to near, columns
+            from left (half of it) to right.
+        ahead_m: how far the view from above reaches.
     """
 
     photo: UInt8
@@ -53,6 +56,7 @@ class FrameSample:
     truth: Float16
     removed: UInt8
     top: UInt16
+    ahead_m: float = TOP_REACHES_M[-1]
 
     @classmethod
     def of(
@@ -82,7 +86,8 @@ class FrameSample:
         small = np.ascontiguousarray(photo[::step, ::step])
         whole = np.zeros(photo.shape[:2], np.uint8) if removed is None else removed
         gone = np.ascontiguousarray(whole[::step, ::step])
-        return cls(small, disparities, true, gone, top_view(forward_cloud))
+        ahead_m = top_reach_m(forward_cloud)
+        return cls(small, disparities, true, gone, top_view(forward_cloud, ahead_m), ahead_m)
 
     def encode(self) -> bytes:
         """The sample as the bytes of an NPZ; the same bytes for the same sample."""
@@ -94,7 +99,9 @@ class FrameSample:
     def read(cls, path: Path) -> Self:
         """A sample that `encode` has made."""
         with np.load(path) as arrays:
-            return cls(**{name: arrays[name] for name in cls.__dataclass_fields__})
+            found = {name: arrays[name] for name in cls.__dataclass_fields__ if name in arrays}
+        ahead_m = float(found.pop("ahead_m", TOP_REACHES_M[-1]))  # earlier runs had one reach
+        return cls(**found, ahead_m=ahead_m)
 
 
 def photo_of(frame: Frame) -> UInt8:
@@ -112,15 +119,25 @@ def photo_of(frame: Frame) -> UInt8:
     return (images[0] >> shift_to_8_bits(*images)).astype(np.uint8)
 
 
-def top_view(cloud: PointCloud) -> UInt16:
+def top_reach_m(cloud: PointCloud) -> float:
+    """How far the view from above reaches, so that a room fills it as well as a street does."""
+    x_m, y_m = cloud.xyz[:, 0], np.abs(cloud.xyz[:, 1])
+    needed_m = np.maximum(x_m, 2 * y_m)[x_m >= 0]
+    for reach_m in TOP_REACHES_M[:-1]:
+        if len(needed_m) and np.mean(needed_m < reach_m) >= TOP_SHARE:
+            return reach_m
+    return TOP_REACHES_M[-1]
+
+
+def top_view(cloud: PointCloud, ahead_m: float) -> UInt16:
     """(160, 160) points in each square, seen from above; see `FrameSample`."""
     x_m, y_m = cloud.xyz[:, 0], cloud.xyz[:, 1]
-    near = (x_m >= 0) & (x_m < TOP_AHEAD_M) & (np.abs(y_m) < TOP_ASIDE_M)  # False for NaN
-    rows = ((TOP_AHEAD_M - x_m[near]) / TOP_SQUARE_M).astype(np.int64)
-    columns = ((TOP_ASIDE_M - y_m[near]) / TOP_SQUARE_M).astype(np.int64)
-    height, width = round(TOP_AHEAD_M / TOP_SQUARE_M), round(2 * TOP_ASIDE_M / TOP_SQUARE_M)
-    squares = np.minimum(rows, height - 1) * width + np.minimum(columns, width - 1)
-    counts = np.bincount(squares, minlength=height * width).reshape(height, width)
+    aside_m, square_m, count = ahead_m / 2, ahead_m / TOP_SQUARES, TOP_SQUARES
+    near = (x_m >= 0) & (x_m < ahead_m) & (np.abs(y_m) < aside_m)  # False for NaN
+    rows = ((ahead_m - x_m[near]) / square_m).astype(np.int64)
+    columns = ((aside_m - y_m[near]) / square_m).astype(np.int64)
+    squares = np.minimum(rows, count - 1) * count + np.minimum(columns, count - 1)
+    counts = np.bincount(squares, minlength=count * count).reshape(count, count)
     return np.minimum(counts, np.iinfo(np.uint16).max).astype(np.uint16)
 
 
