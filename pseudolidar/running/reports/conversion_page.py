@@ -178,9 +178,9 @@ def _density_plot(result: RunResult) -> Picture:
         if record.index is not None:  # a frame refused at opening has no place in the sequence
             axes.axvline(record.index, color="tab:red", alpha=0.4, linewidth=1)
     axes.set_ylim(0, 100)
-    if len(index) == 1:
-        axes.set_xlim(index[0] - 1, index[0] + 1)
     axes.xaxis.get_major_locator().set_params(integer=True)
+    if len(index) == 1:  # around a single point there are no whole numbers
+        axes.set_xticks(index)
     return Picture.plot(figure, "share of pixels with a depth by frame; skipped frames are red")
 
 
