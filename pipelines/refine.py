@@ -104,12 +104,12 @@ def run(job: Refine) -> RefineReport:
         found = found.with_rows(source.rig.rows)
     else:
         found = refined_by_pictures(source, job.by, matcher, crew=crew, on_error=job.on_error)
-    line = source.summary.line
+    line, notes = source.summary.line, source.summary.notes
     if not found.changed:
-        return RefineReport(line, None, found, warnings)
+        return RefineReport(line, None, found, warnings, notes)
     origin = f"{source.rig.origin or 'the rig of the source'}, refined on {line}"
     write_rig(job.out, replace(found.rig, origin=origin))
-    return RefineReport(line, job.out, found, warnings)
+    return RefineReport(line, job.out, found, warnings, notes)
 
 
 def opened(job: Refine) -> FrameSource:
@@ -145,12 +145,14 @@ class RefineReport:
         out: the rig file; None where there is nothing to be put right.
         found: corrections with their figures.
         warnings: what is odd about the pairs.
+        notes: what people should know about the source.
     """
 
     subject: str
     out: Path | None
     found: ReferenceRefinement | PictureRefinement
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def exit_code(self) -> int:
@@ -161,11 +163,13 @@ class RefineReport:
         """For `--json`."""
         out = None if self.out is None else str(self.out)
         fitted = self.found.as_dict()
-        return {"subject": self.subject, "out": out, "warnings": list(self.warnings), **fitted}
+        said = {"warnings": list(self.warnings), "notes": list(self.notes)}
+        return {"subject": self.subject, "out": out, **said, **fitted}
 
     def text(self) -> str:
         """For people."""
         end = "nothing to be put right, no file written"
         if self.out is not None:
             end = f"{self.out}: pass it to other commands with --rig"
-        return "\n".join([self.subject, *self.found.lines, end])
+        notes = (f"  {note}" for note in self.notes)
+        return "\n".join([self.subject, *notes, *self.found.lines, end])

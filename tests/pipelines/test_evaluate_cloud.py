@@ -53,6 +53,7 @@ def test_clouds_in_files_against_themselves_and_against_pairs_clouds(converted, 
 def test_what_cannot_be_judged_is_refused(converted, tmp_path, capsys):
     error = told(capsys, converted / "ply", code=3)["error"]
     assert "no frame has a reference" in error["got"]
+    assert error["want"] == "LiDAR scans of its frames"
     error = told(capsys, STREET, "--reference", STREET, code=3)["error"]
     assert error["want"] == "point clouds"
     with pytest.raises(UsageError, match="disparity maps, which have no points"):

@@ -155,6 +155,7 @@ def test_compensated_motion_brings_scans_closer_to_stereo(real_data, capsys):
 
 def test_clouds_of_stereo_against_the_velodyne(real_data, capsys):
     found = compared(capsys, real_data / "kitti_raw" / DATE, verb="evaluate cloud")
+    assert sum(note.startswith("scans: moved by the IMU's motion") for note in found["notes"]) == 1
     near, middle = found["bins"][:2]
     assert (found["frames"], found["reference"]) == (10, "LiDAR scans")
     assert near["f_score_0_2"] > 0.95

@@ -48,7 +48,9 @@ def compared_clouds(
     Raises:
         ReferenceMissing: no frame has a reference.
     """
-    missing = Missing(source.summary.line, source.summary.path, tried=tried)
+    missing = Missing(
+        source.summary.line, source.summary.path, tried=tried, want="LiDAR scans of its frames"
+    )
     frames: list[CloudDistances] = []
 
     def keep(distances: CloudDistances | None) -> str | None:
@@ -61,4 +63,4 @@ def compared_clouds(
     if not frames:
         raise missing.error()
     compared = compare_clouds(frames, subject=subject, reference=reference, bins=bins)
-    return CloudsReport(compared, result, len(bare(result.records)))
+    return CloudsReport(compared, result, len(bare(result.records)), source.summary.notes)

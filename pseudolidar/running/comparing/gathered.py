@@ -85,10 +85,18 @@ class Missing:
         line: what the source is.
         path: where.
         tried: after so many frames without one it is given up.
+        want: what it could have.
     """
 
-    def __init__(self, line: str, path: str, *, tried: int) -> None:
-        self._line, self._path, self._tried = line, path, tried
+    def __init__(
+        self,
+        line: str,
+        path: str,
+        *,
+        tried: int,
+        want: str = "LiDAR scans or ground-truth disparities",
+    ) -> None:
+        self._line, self._path, self._tried, self._want = line, path, tried, want
         self._without, self._found = 0, False
 
     def see(self, against: str | None) -> None:
@@ -106,7 +114,7 @@ class Missing:
         """What to raise when there is none."""
         return ReferenceMissing(
             f"{self._line}: {got}",
-            want="LiDAR scans or ground-truth disparities",
+            want=self._want,
             fix="Take another source, or compare with one: --reference B.",
             path=self._path,
         )

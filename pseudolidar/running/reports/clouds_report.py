@@ -33,12 +33,14 @@ class CloudsReport:
         comparison: its figures.
         result: frames and times.
         without_reference: frames that have nothing to be compared with.
+        notes: what people should know about the source.
         files: what there is to open.
     """
 
     comparison: CloudComparison
     result: RunResult
     without_reference: int = 0
+    notes: Sequence[str] = ()
     files: Sequence[Path] = ()
 
     @property
@@ -51,7 +53,7 @@ class CloudsReport:
         """Figures, then what was left out."""
         skipped = [{"id": each.id, **(each.skipped or {})} for each in self.result.skipped]
         left_out = {"without_reference": self.without_reference, "skipped": skipped}
-        return {**self.comparison.as_dict(), **left_out}
+        return {**self.comparison.as_dict(), "notes": list(self.notes), **left_out}
 
     def as_dict(self) -> dict[str, Any]:
         """The same, and what there is to open."""
@@ -68,6 +70,7 @@ class CloudsReport:
             compared.subject,
             f"{compared.frames} frames against {compared.reference}{left_out}; nearest neighbours "
             "in the common view, by each point's range",
+            *(f"  {note}" for note in self.notes),
             table_text(rows, header=HEADER),
             self.result.text(),
         ]
