@@ -7,7 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from pseudolidar.calibration.refine_fit import block_columns, block_medians, coefficients
+from pseudolidar.calibration.refine_fit import (
+    block_columns,
+    block_medians,
+    coefficients,
+    some_of,
+)
 from pseudolidar.structures.arrays import Float64, Int64
 from pseudolidar.structures.samples import DisparitySamples
 
@@ -25,6 +30,9 @@ LADDER: tuple[tuple[str, tuple[int, ...]], ...] = (
     ("all", (ONE, D, X, Y, XX, XY, YY, XXX)),
 )
 FOLDS = 5
+# Fits that only decide on the terms are made to so many samples: of KITTI stereo 2015, what is left
+# by them differs by less than 0.002 px from that of fits to all.
+MAX_SAMPLES = 25_000
 # A simpler set is taken where it is worse by no more standard errors, or by less than this, px.
 ALIKE_SIGMAS, ALIKE_PX = 1.0, 0.005
 # Coverage that terms need: share of the image's width and height between the outer 5 % of the
@@ -106,14 +114,17 @@ def _alike(left: Float64, best: Float64) -> bool:
 
 
 def _left_by_part(samples: DisparitySamples, part: Int64, terms: tuple[int, ...]) -> Float64:
-    """(parts,) mean absolute median error of the blocks of each part, fitted to the others."""
-    left = []
+    """(parts,) mean absolute median error of the blocks of each part, fitted to the others.
+
+    Fitted to `MAX_SAMPLES` of them, judged on all.
+    """
+    left, start = [], None
     for turn in np.unique(part):
         held = part == turn
         if held.all():
             continue
-        fitted = coefficients(samples[~held], terms)
-        medians = np.abs(list(block_medians(samples[held], fitted)))
+        start = coefficients(some_of(samples[~held], MAX_SAMPLES), terms, start=start)
+        medians = np.abs(list(block_medians(samples[held], start)))
         if len(medians):
             left.append(float(medians.mean()))
     return np.array(left or [0.0])

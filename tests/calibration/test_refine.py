@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pseudolidar.calibration.refine import ONE_FRAME_RESIDUAL_PX, fit
+from pseudolidar.calibration.refine_fit import some_of
 from pseudolidar.errors import CalibrationValue
 from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.samples import DisparitySamples
@@ -118,3 +119,32 @@ def test_samples_without_a_real_sigma_do_not_count(sigma_px):
 def test_too_little_data_is_refused():
     with pytest.raises(CalibrationValue, match="samples"):
         fit(samples(frames=1, each=400))
+
+
+def test_two_fits_differ_by_what_their_covariances_say():
+    """Frames drift by 0.2 px, so that fits to eight frames and to eight others differ."""
+    ratios = []
+    for seed in range(4):
+        pair = [fit(samples(drift_px=0.2, each=1500, seed=2 * seed + i)) for i in range(2)]
+        at = samples(frames=1, each=500, outliers=0.0)
+        offsets = [c.offset_px(at.measured, at.u, at.v, SIZE_PX) for c in pair]
+        sigmas = [c.offset_sigma_px(at.measured, at.u, at.v, SIZE_PX) for c in pair]
+        ratios.append((offsets[0] - offsets[1]) / np.hypot(*sigmas))
+    # four pairs of fits tell a standard deviation to some 35 %
+    assert 0.4 < np.sqrt(np.mean(np.square(ratios))) < 1.6
+
+
+def test_the_covariance_leaves_no_direction_out():
+    covariance = fit(samples(frames=4)).covariance
+    assert np.linalg.eigvalsh(covariance).min() > 0
+
+
+def test_every_second_sample_is_no_fair_share():
+    """What alternates from sample to sample does so in the share that is fitted."""
+    data = samples(frames=8, each=6000, outliers=0.0)
+    part = some_of(data, 10_000)
+    index = np.flatnonzero(np.isin(data.u, part.u))
+    assert len(part) == 10_000
+    assert np.mean(index % 2) == pytest.approx(0.5, abs=0.03)
+    assert np.array_equal(some_of(data, 10_000).u, part.u)
+    assert some_of(data, len(data)) is data
