@@ -25,7 +25,9 @@ INDEPENDENT_PER_FRAME = 100
 MAX_ITERATIONS, CONVERGED_PX = 50, 1e-4
 # Medians of blocks of a frame: columns of the image times bands of disparity, px.
 BLOCK_COLUMNS, BLOCK_BANDS_PX = 4, (0.0, 10.0, 20.0, 40.0, np.inf)
-MIN_BLOCK_SAMPLES = 200
+# Samples that a block must have: a fair share of its frame's, within these; a median of 20 errors
+# of 0.4 px is known to 0.1 px, one of 200 to 0.04.
+FEWEST_BLOCK_SAMPLES, ENOUGH_BLOCK_SAMPLES = 20, 200
 
 
 def some_of(samples: DisparitySamples, most: int) -> DisparitySamples:
@@ -106,16 +108,22 @@ def block_columns(samples: DisparitySamples) -> Int64:
 
 
 def block_medians(samples: DisparitySamples, fitted: Float64) -> Iterator[float]:
-    """Median error left of each block of a frame that has enough samples, px; weighed by sigma."""
+    """Median error left of each block of a frame that has enough samples, px; weighed by sigma.
+
+    Where none has, the median of all samples, at least one.
+    """
     left = residual(samples, fitted)
     weight = np.ones_like(left) if samples.sigma is None else samples.sigma**-2.0
     band = np.digitize(samples.reference, BLOCK_BANDS_PX)
     block = samples.frame * BLOCK_COLUMNS + block_columns(samples)
     block = block * (len(BLOCK_BANDS_PX) + 1) + band
+    share = len(samples) / len(np.unique(samples.frame)) / BLOCK_COLUMNS / (len(BLOCK_BANDS_PX) - 1)
+    enough = min(max(share, FEWEST_BLOCK_SAMPLES), ENOUGH_BLOCK_SAMPLES)
     order = np.argsort(block, kind="stable")
-    for inside in np.split(order, np.flatnonzero(np.diff(block[order])) + 1):
-        if len(inside) >= MIN_BLOCK_SAMPLES:
-            yield _weighted_median(left[inside], weight[inside])
+    blocks = np.split(order, np.flatnonzero(np.diff(block[order])) + 1)
+    large = [inside for inside in blocks if len(inside) >= enough]
+    for inside in large or [order]:
+        yield _weighted_median(left[inside], weight[inside])
 
 
 def _weighted_median(values: Float64, weights: Float64) -> float:

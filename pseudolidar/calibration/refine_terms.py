@@ -95,7 +95,7 @@ def choose_terms(samples: DisparitySamples) -> Choice:
     tried: list[tuple[Candidate, Float64]] = []
     candidates: list[Candidate] = []
     for name, terms in LADDER:
-        refused = _not_carried(samples, terms)
+        refused = _not_carried(samples, part, terms)
         if refused:
             candidates.append(Candidate(name, terms, None, refused))
             continue
@@ -118,20 +118,19 @@ def _left_by_part(samples: DisparitySamples, part: Int64, terms: tuple[int, ...]
 
     Fitted to `MAX_SAMPLES` of them, judged on all.
     """
-    left, start = [], None
+    left, start = list[float](), None
     for turn in np.unique(part):
         held = part == turn
-        if held.all():
-            continue
-        start = coefficients(some_of(samples[~held], MAX_SAMPLES), terms, start=start)
-        medians = np.abs(list(block_medians(samples[held], start)))
-        if len(medians):
-            left.append(float(medians.mean()))
-    return np.array(left or [0.0])
+        rest = samples if held.all() else samples[~held]
+        start = coefficients(some_of(rest, MAX_SAMPLES), terms, start=start)
+        left.append(float(np.abs(list(block_medians(samples[held], start))).mean()))
+    return np.array(left)
 
 
-def _not_carried(samples: DisparitySamples, terms: tuple[int, ...]) -> str:
+def _not_carried(samples: DisparitySamples, part: Int64, terms: tuple[int, ...]) -> str:
     """What is missing for a set of terms; empty where nothing is."""
+    if len(terms) > 1 and not np.ptp(part):
+        return "more than an offset needs several frames, or more than a quarter of the width"
     width, height = samples.size_px
     low, high = np.quantile(samples.reference, OUTER)
     columns = float(np.diff(np.quantile(samples.u, OUTER))[0]) / width

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pseudolidar.calibration.refine import ONE_FRAME_RESIDUAL_PX, fit
+from pseudolidar.calibration.refine import ONE_FRAME_RESIDUAL_PX, fit, refined
 from pseudolidar.calibration.refine_fit import some_of
 from pseudolidar.errors import CalibrationValue
 from pseudolidar.structures.correction import DisparityCorrection
@@ -132,6 +132,16 @@ def test_two_fits_differ_by_what_their_covariances_say():
         ratios.append((offsets[0] - offsets[1]) / np.hypot(*sigmas))
     # four pairs of fits tell a standard deviation to some 35 %
     assert 0.4 < np.sqrt(np.mean(np.square(ratios))) < 1.6
+
+
+@pytest.mark.parametrize("each", [60, 1000])
+def test_a_sparse_reference_is_no_perfect_rig(each):
+    """Points of a LiDAR with few beams: no block of a frame has many, and errors are seen still."""
+    data = samples(frames=20, each=each, drift_px=0.3, outliers=0.0)
+    found = refined(data)
+    assert found.choice.chosen.name != "none"
+    assert found.choice.candidates[0].left_px > 0.3
+    assert found.correction.residual_px > 0.1
 
 
 def test_the_covariance_leaves_no_direction_out():
