@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pseudolidar.geometry.twists import skew
 from pseudolidar.structures.arrays import AnyArray, Float32, Float64, Int64
 from pseudolidar.structures.motion import BodyMotion
 
@@ -41,21 +42,26 @@ def at_one_moment(xyz: AnyArray, seconds: Float64, motion: BodyMotion) -> Float3
 
     Source: Barfoot, State Estimation for Robotics, equations 7.15 and 7.85.
     """
-    p = xyz.astype(np.float64)
-    angle = np.linalg.norm(motion.rate_rad_s) * seconds
+    w, v = motion.rate_rad_s, motion.velocity_m_s
+    angle = np.linalg.norm(w) * seconds
     small = np.abs(angle) < SMALL_ANGLE_RAD
     safe = np.where(small, 1.0, angle)
-    first = np.where(small, 1.0, np.sin(angle) / safe)
-    second = np.where(small, 0.5, (1.0 - np.cos(angle)) / safe**2)
-    third = np.where(small, 1.0 / 6.0, (angle - np.sin(angle)) / safe**3)
-    turn = motion.rate_rad_s * seconds[:, None]
-    way = motion.velocity_m_s * seconds[:, None]
-    turned = np.cross(turn, p)
-    moved = p + first[:, None] * turned + second[:, None] * np.cross(turn, turned)
-    moved += way
-    bent = np.cross(turn, way)
-    moved += second[:, None] * bent + third[:, None] * np.cross(turn, bent)
-    return moved.astype(np.float32)
+    first = np.where(small, 1.0, np.sin(angle) / safe) * seconds
+    second = np.where(small, 0.5, (1.0 - np.cos(angle)) / safe**2) * seconds**2
+    third = np.where(small, 1.0 / 6.0, (angle - np.sin(angle)) / safe**3) * seconds**3
+    W, p = skew(w), np.ascontiguousarray(xyz.T, np.float64)
+    turned, twice = _times(W, p), _times(W @ W, p)
+    bent, bent_twice = W @ v, W @ W @ v
+    moved = np.empty(xyz.shape, np.float32)
+    for axis in range(3):
+        way = v[axis] * seconds + bent[axis] * second + bent_twice[axis] * third
+        moved[:, axis] = p[axis] + first * turned[axis] + second * twice[axis] + way
+    return moved
+
+
+def _times(matrix: Float64, p: Float64) -> list[Float64]:
+    """Rows of matrix @ p, (3, 3) by (3, N); without BLAS, which would use all cores."""
+    return [row[0] * p[0] + row[1] * p[1] + row[2] * p[2] for row in matrix]
 
 
 def raised(xyz: AnyArray, angle_rad: float) -> Float32:
