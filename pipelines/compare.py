@@ -43,6 +43,7 @@ from pseudolidar.running.products.encoders import FrameEncoder
 from pseudolidar.running.products.product import Product
 from pseudolidar.running.products.recording import RecordingPlan
 from pseudolidar.running.products.trees import Trees
+from pseudolidar.running.reports.clouds_page import write_clouds_page
 from pseudolidar.running.reports.clouds_report import CloudsReport
 from pseudolidar.running.reports.comparison_files import (
     RESULTS,
@@ -53,6 +54,7 @@ from pseudolidar.running.reports.comparison_files import (
 )
 from pseudolidar.running.reports.comparison_page import write_comparison_page
 from pseudolidar.running.reports.comparison_report import ComparisonReport
+from pseudolidar.running.reports.drives_page import write_drives_page
 from pseudolidar.running.reports.drives_report import DrivesReport
 from pseudolidar.running.reports.samples import sampled_frames
 from pseudolidar.running.run import Run
@@ -275,8 +277,9 @@ def run_clouds(job: Compare, source: FrameSequence[RecordedCloud]) -> CloudsRepo
     if job.out is None:
         return report
     facts = {"settings": result_settings(job), **report.facts}
-    table = clouds_csv(report.comparison)
-    return replace(report, files=write_comparison(job.out, table, facts))
+    page = write_clouds_page(job.out, report)
+    files = write_comparison(job.out, clouds_csv(report.comparison), facts)
+    return replace(report, files=[*files, page])
 
 
 def run_all(job: Compare) -> DrivesReport:
@@ -314,8 +317,9 @@ def run_all(job: Compare) -> DrivesReport:
     if job.out is None:
         return every
     facts = {"settings": result_settings(job), **every.facts}
-    table = drives_csv(comparisons, every.every)
-    return replace(every, files=write_comparison(job.out, table, facts))
+    page = write_drives_page(job.out, every)
+    files = write_comparison(job.out, drives_csv(comparisons, every.every), facts)
+    return replace(every, files=[*files, page])
 
 
 def told(

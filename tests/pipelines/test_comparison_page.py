@@ -242,3 +242,32 @@ def test_names_from_files_are_escaped(report):
     )
     assert "<script>" not in text
     assert "&lt;script&gt;&amp;" in text
+
+
+def test_drives_and_clouds_have_pages_with_the_numbers_of_their_json(tmp_path):
+    for seed in (1, 2):
+        drive = ("synth", str(tmp_path / "in" / f"<{seed}>"), "--seed", str(seed))
+        assert main([*drive, "--frames", "1", "--width-px", "320"]) == 0
+    out = tmp_path / "out"
+    assert main(["compare", str(tmp_path / "in"), str(out), "--all", "--to", "pcd"]) == 0
+    text, stored = (out / "report.html").read_text(), json.loads((out / "compare.json").read_text())
+    page = Page(text)
+    assert f"{100 * stored['median_rel']:.2f} % of the distance" in text
+    (drives,) = (t for t in page.tables if t[0][0] == "drive")
+    assert [row[0] for row in drives[1:]] == ["<1>", "<2>", "all"]
+    medians = [each["median_rel"] for each in (*stored["drives"], stored)]
+    assert [row[-4] for row in drives[1:]] == [f"{100 * median:.2f} %" for median in medians]
+    assert "<1>" not in text
+    assert all((out / f"<{seed}>" / "report.html").exists() for seed in (1, 2))
+
+    one, two, clouds = out / "<1>" / "pcd", out / "<2>" / "pcd", tmp_path / "clouds"
+    assert main(["compare", str(one), str(two), "--out", str(clouds)]) == 0
+    text = (clouds / "report.html").read_text()
+    stored = json.loads((clouds / "compare.json").read_text())
+    (table,) = (t for t in Page(text).tables if t[0][0] == "range")
+    for row, each in zip(table[1:], [*stored["bins"], stored], strict=True):
+        score, length = each["f_score_0_2"], each["chamfer_m"]
+        assert row[5] == ("-" if length is None else f"{length:.3f} m")
+        assert row[7] == ("-" if score is None else f"{100 * score:.1f} %")
+    assert f"{stored['accuracy_median_m']:.3f} m" in text or stored["accuracy_median_m"] >= 1
+    assert len(Page(text).pictures) == 2

@@ -63,18 +63,22 @@ class CloudsReport:
         """The table."""
         compared = self.comparison
         left_out = f", {self.without_reference} without reference" if self.without_reference else ""
-        names = [f"{low}-{high} m" for low, high in (*compared.bins, compared.bins.range_m)]
-        figures = (*compared.by_range, compared.overall)
-        rows = [_row(name, each) for name, each in zip(names, figures, strict=True)]
         lines = [
             compared.subject,
             f"{compared.frames} frames against {compared.reference}{left_out}; nearest neighbours "
             "in the common view, by each point's range",
             *(f"  {note}" for note in self.notes),
-            table_text(rows, header=HEADER),
+            table_text(rows_of(compared), header=HEADER),
             self.result.text(),
         ]
         return "\n".join([*lines, *(f"  {path}" for path in self.files)])
+
+
+def rows_of(compared: CloudComparison) -> list[tuple[str, ...]]:
+    """Every bin, then all of them, as cells of `HEADER`."""
+    names = [f"{low}-{high} m" for low, high in (*compared.bins, compared.bins.range_m)]
+    figures = (*compared.by_range, compared.overall)
+    return [_row(name, each) for name, each in zip(names, figures, strict=True)]
 
 
 def _row(name: str, each: CloudFigures) -> tuple[str, ...]:

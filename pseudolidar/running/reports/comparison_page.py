@@ -94,7 +94,7 @@ def comparison_page(
         f"Stereo depth against {compared.reference}",
         "compared at the same pixels of the left picture, pooled over the points of all frames",
         sections,
-        lead=headline(compared),
+        lead=headline(compared, compared.reference, len(compared.per_frame)),
         keys=key_figures(compared),
         width_px=PAGE_PX,
     )

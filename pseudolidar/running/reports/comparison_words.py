@@ -7,13 +7,14 @@ from collections.abc import Sequence
 from pseudolidar.evaluation.comparison.bootstrap import Interval
 from pseudolidar.evaluation.comparison.comparison import Comparison
 from pseudolidar.evaluation.comparison.figures import DepthFigures, RangeFigures
+from pseudolidar.evaluation.comparison.pooled import PooledFigures
 from pseudolidar.evaluation.diagnosis.diagnosis import Diagnosis
 from pseudolidar.evaluation.page import KeyFigure
 from pseudolidar.running.reports.comparison_report import percent
 from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
 
 # Shares of errors within one sigma that are off by no more than this are called right.
-SIGMA_TOLERANCE = 0.05
+SIGMA_TOLERANCE, SIGMA_TOLERANCE_OF_BIN = 0.05, 0.10
 # A bias below this is none that matters.
 SMALL_BIAS_REL = 0.002
 ALTERNATIVES_SHOWN = 5
@@ -45,16 +46,26 @@ SIGMA_HEADER = (
 )
 
 
-def headline(compared: Comparison) -> str:
-    """The whole comparison in a sentence or two."""
+# What has figures of all points and of every bin.
+Figures = Comparison | PooledFigures
+
+
+def headline(compared: Figures, reference: str, frames: int) -> str:
+    """The whole comparison in a sentence or two.
+
+    Args:
+        compared: its figures.
+        reference: what stereo was compared with.
+        frames: how many frames have a reference.
+    """
     low, high = compared.bins.range_m
-    overall, frames = compared.overall, counted(len(compared.frames), "frame")
+    overall, of_frames = compared.overall, counted(frames, "frame")
     if overall.median_rel is None or overall.p90_rel is None:
-        return f"Between {low} and {high} m there is no point that can be compared, in {frames}."
+        return f"Between {low} and {high} m there is no point that can be compared, in {of_frames}."
     first = (
-        f"Between {low} and {high} m, half of the stereo depths agree with the {compared.reference}"
+        f"Between {low} and {high} m, half of the stereo depths agree with the {reference}"
         f" to {percent(overall.median_rel)} of the distance and nine of ten to "
-        f"{percent(overall.p90_rel)}, at {overall.n:,} points of {frames}."
+        f"{percent(overall.p90_rel)}, at {overall.n:,} points of {of_frames}."
     )
     return " ".join([first, *_extremes(compared.by_range)])
 
@@ -75,7 +86,7 @@ def _extremes(by_range: Sequence[RangeFigures]) -> list[str]:
     ]
 
 
-def key_figures(compared: Comparison) -> list[KeyFigure]:
+def key_figures(compared: Figures) -> list[KeyFigure]:
     """The numbers that people ask for first."""
     overall = compared.overall
     bounds = overall.intervals
@@ -90,7 +101,7 @@ def key_figures(compared: Comparison) -> list[KeyFigure]:
     within = overall.within_1_sigma
     if within is not None:
         right = percent(ONE_SIGMA_SHARE, digits=0)
-        note = f"{right} is right: stated errors are {_sigma_words(within)}"
+        note = f"{right} is right: {_sigma_words(within, compared.by_range)}"
         keys.append(KeyFigure("within one sigma", percent(within, digits=1), note))
     return keys
 
@@ -111,14 +122,24 @@ def _bias_words(bias: float | None) -> str:
     return f"signed median: too {'far' if bias > 0 else 'near'}"
 
 
-def _sigma_words(within: float) -> str:
+def _sigma_words(within: float, by_range: Sequence[RangeFigures]) -> str:
     off = within - ONE_SIGMA_SHARE
+    words = "stated errors are too small"
     if abs(off) <= SIGMA_TOLERANCE:
-        return "honest"
-    return "larger than needed" if off > 0 else "too small"
+        words = "stated errors are honest"
+    elif off > 0:
+        words = "stated errors are larger than needed"
+    small = [
+        f"{each.from_m}-{each.to_m}"
+        for each in by_range
+        if (share := each.figures.within_1_sigma) is not None
+        and share < ONE_SIGMA_SHARE - SIGMA_TOLERANCE_OF_BIN
+    ]
+    but = off >= -SIGMA_TOLERANCE and small
+    return f"{words}, but too small at {', '.join(small)} m" if but else words
 
 
-def range_table(compared: Comparison) -> list[tuple[str, ...]]:
+def range_table(compared: Figures) -> list[tuple[str, ...]]:
     """Errors of every bin, and of all of them, as cells of `RANGE_HEADER`."""
     return [
         (
@@ -135,7 +156,7 @@ def range_table(compared: Comparison) -> list[tuple[str, ...]]:
     ]
 
 
-def coverage_table(compared: Comparison) -> list[tuple[str, ...]]:
+def coverage_table(compared: Figures) -> list[tuple[str, ...]]:
     """How many points there are and how many are right, as cells of `COVERAGE_HEADER`."""
     return [
         (
@@ -150,7 +171,7 @@ def coverage_table(compared: Comparison) -> list[tuple[str, ...]]:
     ]
 
 
-def sigma_table(compared: Comparison) -> list[tuple[str, ...]]:
+def sigma_table(compared: Figures) -> list[tuple[str, ...]]:
     """Shares of errors inside the stated bounds, as cells of `SIGMA_HEADER`."""
     return [
         (
@@ -164,7 +185,7 @@ def sigma_table(compared: Comparison) -> list[tuple[str, ...]]:
     ]
 
 
-def _bins(compared: Comparison) -> list[tuple[str, DepthFigures]]:
+def _bins(compared: Figures) -> list[tuple[str, DepthFigures]]:
     """Every bin with its name, then all of them."""
     rows = [(f"{each.from_m}-{each.to_m}", each.figures) for each in compared.by_range]
     low, high = compared.bins.range_m
@@ -253,7 +274,7 @@ def between(bounds: Interval | None, *, digits: int = 2, signed: bool = False) -
 
 def metres(length_m: float) -> str:
     """A length for people."""
-    return f"{length_m:.1f} m" if length_m >= 1 else f"{length_m:.2f} m"
+    return f"{length_m:.1f} m" if length_m >= 1 else f"{length_m:.3f} m"
 
 
 def counted(n: int, what: str) -> str:

@@ -49,14 +49,21 @@ class DrivesReport:
         """The same, and what there is to open."""
         return {**self.facts, "files": [str(path) for path in self.files]}
 
+    @property
+    def header(self) -> tuple[str, ...]:
+        """Of the table of drives."""
+        ranges = [f"{low}-{high} m" for low, high in self.every.bins]
+        return ("drive", "frames", *ranges, "all", "bias", "density", "points")
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """Every drive, then all of them, as cells of `header`."""
+        rows = [_row(name, report.comparison) for name, report in self.reports.items()]
+        return [*rows, _row("all", self.every)]
+
     def text(self) -> str:
         """The table, and what was left out."""
-        ranges = [f"{low}-{high} m" for low, high in self.every.bins]
-        header = ("drive", "frames", *ranges, "all", "bias", "density", "points")
-        rows = [_row(name, report.comparison) for name, report in self.reports.items()]
-        rows.append(_row("all", self.every))
         lines = ["median depth error by range of the reference, pooled over points"]
-        lines.append(table_text(rows, header=header))
+        lines.append(table_text(self.rows(), header=self.header))
         for name, report in self.reports.items():
             skipped = len(report.result.skipped)
             lines += [f"  {name}: {skipped} frames skipped"] if skipped else []

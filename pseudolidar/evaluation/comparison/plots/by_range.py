@@ -115,7 +115,7 @@ def explained_bias_plot(bias: Sequence[BiasShare]) -> Figure:
     Args:
         bias: of the diagnosis.
     """
-    figure, axes = new_figure(7.5, 2.8)
+    figure, axes = new_figure(10.5, 3.0)
     for values, colour, marker, label in (
         ([each.bias_rel for each in bias], VERMILLION, "D", "measured"),
         ([each.explained_rel for each in bias], BLUE, "o", "explained by the causes"),

@@ -168,11 +168,16 @@ def frames_plot(per_frame: Sequence[FrameFigures]) -> Figure:
         shares = [PERCENT * getattr(frame.overall, name) for frame in known]
         style = {"marker": marker if few else "", "markersize": 4.5, "linewidth": 1.0}
         axes.plot(index, shares, color=colour, label=label, **style)
-    for frame in worst_frames(known, min(WORST_NAMED, max(1, len(known) // 3))):
+    for rank, frame in enumerate(worst_frames(known, min(WORST_NAMED, max(1, len(known) // 3)))):
         at = frame.index, PERCENT * (frame.overall.median_rel or 0.0)
         axes.plot(*at, "D", color=VERMILLION, markersize=7, markerfacecolor="none")
         axes.annotate(
-            frame.id, at, xytext=(0, 8), textcoords="offset points", ha="center", fontsize=8
+            frame.id,
+            at,
+            xytext=(0, 8 + 10 * (rank % 2)),
+            textcoords="offset points",
+            ha="center",
+            fontsize=8,
         )
     if not known:
         nothing(axes)

@@ -100,7 +100,7 @@ def with_intervals(
     for place, value, (low, high) in zip(known, at, ends, strict=True):
         under = below or (signed and value < 0)
         axes.annotate(
-            f"{value:{'+' if signed else ''}.{digits}f}",
+            f"{round(value, digits) + 0.0:{'+' if signed else ''}.{digits}f}",  # and no -0.0
             (place, min(low, value) if under else max(high, value)),
             xytext=(0, -5 if under else 5),
             textcoords="offset points",
