@@ -4,7 +4,7 @@ from pseudolidar.errors import PseudolidarError
 from pseudolidar.structures.box import Box3D, Detection, Label, Track
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.cloud import PointCloud
-from pseudolidar.structures.correction import DisparityCorrection
+from pseudolidar.structures.correction import DisparityCorrection, RowCorrection, SigmaScale
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from pseudolidar.structures.frame import LidarScan, RawPair, StereoFrame
 from pseudolidar.structures.pose import Pose, Trajectory
@@ -24,6 +24,8 @@ __all__ = [
     "Pose",
     "PseudolidarError",
     "RawPair",
+    "RowCorrection",
+    "SigmaScale",
     "StereoFrame",
     "StereoRig",
     "Track",

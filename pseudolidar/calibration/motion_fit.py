@@ -86,6 +86,21 @@ class MotionFit:
             correction_coefficients(np.array([self.offset_px, self.bend_px]), self.rig),
             residual_px=float(np.hypot(UNREFINED_SIGMA_PX, self.sigma_px)),
             origin=f"motion of {self.frames} frames: {self.offset_text}",
+            covariance=self._covariance,
+            fitted_m=self.depths_m,
+        )
+
+    @property
+    def _covariance(self) -> Float64:
+        """(8, 8) px^2 of the coefficients, of offset and bend alone."""
+        shapes = [correction_coefficients(shape, self.rig) for shape in np.eye(2)]
+        sigmas_px = np.array([self.sigma_px, TRACKS_BEND_PX])
+        return sum(
+            (
+                np.outer(each, each) * sigma**2
+                for each, sigma in zip(shapes, sigmas_px, strict=True)
+            ),
+            np.zeros((8, 8)),
         )
 
     @property

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.calibration.refine_fit import (
-    BLOCK_BANDS_PX,
     block_medians,
     coefficients,
     covariance_inside_frames,
@@ -17,7 +16,7 @@ from pseudolidar.calibration.refine_fit import (
 from pseudolidar.calibration.refine_terms import Choice, choose_terms, parts_of
 from pseudolidar.errors import CalibrationValue
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.correction import DisparityCorrection
+from pseudolidar.structures.correction import DisparityCorrection, SigmaScale
 from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
 from pseudolidar.structures.samples import DisparitySamples
 
@@ -28,6 +27,11 @@ MIN_SAMPLES = 500
 MAX_SAMPLES = 100_000
 # A single frame cannot show how frames differ; KITTI frames drift by 0.1-0.2 px against each other.
 ONE_FRAME_RESIDUAL_PX = 0.2
+# Disparities that have a factor on sigma of their own, px: octaves.
+SIGMA_BANDS_PX = (8.0, 16.0, 32.0)
+# A matcher is not taken to be surer than this share of its sigma, whatever the systematic error
+# covers.
+LEAST_SIGMA_SCALE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +56,12 @@ def fit(samples: DisparitySamples, *, origin: str = "") -> DisparityCorrection:
     return refined(samples, origin=origin).correction
 
 
-def refined(samples: DisparitySamples, *, origin: str = "") -> Refinement:
+def refined(
+    samples: DisparitySamples,
+    *,
+    origin: str = "",
+    fitted_m: tuple[float, float] | None = None,
+) -> Refinement:
     """Fit the systematic disparity error of a rig, robust to wrong matches.
 
     Maximises the Cauchy likelihood of `measured - reference - c . phi(measured, u, v)`, each sample
@@ -65,6 +74,7 @@ def refined(samples: DisparitySamples, *, origin: str = "") -> Refinement:
     Args:
         samples: of as many frames as possible; pixels of all columns, rows and disparities.
         origin: what the samples are, in words; kept with the correction.
+        fitted_m: nearest and farthest depth of the samples; kept likewise.
 
     Raises:
         CalibrationValue: too few samples.
@@ -91,6 +101,7 @@ def refined(samples: DisparitySamples, *, origin: str = "") -> Refinement:
         origin or f"{len(samples)} samples of {frames} frames",
         held.sigma_scale,
         held.covariance,
+        fitted_m,
     )
     return Refinement(correction, choice, len(samples), frames)
 
@@ -109,12 +120,12 @@ class _HeldOut:
 
     Args:
         residual_px: systematic error left, one standard deviation.
-        sigma_scale: factor on the matcher's sigma.
+        sigma_scale: factors on the matcher's sigma.
         covariance: (8, 8) of the coefficients, by the jackknife.
     """
 
     residual_px: float
-    sigma_scale: float
+    sigma_scale: SigmaScale
     covariance: Float64
 
     @classmethod
@@ -162,21 +173,23 @@ def _larger_covariance(one: Float64, least: Float64, terms: tuple[int, ...]) -> 
     return covariance
 
 
-def _sigma_scale(samples: DisparitySamples, error_px: Float64, systematic_px: float) -> float:
-    """Factor on sigma so that 68.27 % of the errors lie within it and the systematic error.
+def _sigma_scale(samples: DisparitySamples, error_px: Float64, systematic_px: float) -> SigmaScale:
+    """Factors on sigma so that 68.27 % of the errors lie within it and the systematic error.
 
-    |e|^2 <= (k sigma)^2 + systematic^2 holds for k >= sqrt(|e|^2 - systematic^2) / sigma. Near and
-    far surfaces count alike, however many more pixels the near ones have.
+    |e|^2 <= (k sigma)^2 + systematic^2 holds for k >= sqrt(|e|^2 - systematic^2) / sigma. Each band
+    of disparities with enough samples has one, at its median disparity.
     """
     if samples.sigma is None:
-        return 1.0
+        return SigmaScale()
     beyond = np.sqrt(np.maximum(error_px**2 - systematic_px**2, 0.0)) / samples.sigma
-    band = np.digitize(samples.reference, BLOCK_BANDS_PX)
-    weight = 1.0 / np.bincount(band)[band]
-    order = np.argsort(beyond, kind="stable")
-    share = np.cumsum(weight[order]) / weight.sum()
-    scale = float(beyond[order][np.searchsorted(share, ONE_SIGMA_SHARE)])
-    return scale if scale > 0 else 1.0
+    band = np.digitize(samples.measured, SIGMA_BANDS_PX)
+    bands = [band == number for number in np.unique(band)]
+    bands = [inside for inside in bands if inside.sum() >= MIN_SAMPLES] or [band == band]
+    factors = [float(np.quantile(beyond[inside], ONE_SIGMA_SHARE)) for inside in bands]
+    return SigmaScale(
+        np.array([float(np.median(samples.measured[inside])) for inside in bands]),
+        np.maximum(factors, LEAST_SIGMA_SCALE),
+    )
 
 
 def _one_sigma(medians: list[float]) -> float:

@@ -86,8 +86,8 @@ class ComparedFrame:
         """(N,) sigma of the disparity, the rig's systematic error included."""
         if self.sigma_px is None:
             return None
-        rig = self.rig
-        return total_sigma(self.sigma_px, rig.systematic_sigma_px, scale=rig.sigma_scale)
+        scale = self.rig.sigma_scale.at(self.disparity_px)
+        return total_sigma(self.sigma_px, self.rig.systematic_sigma_px, scale=scale)
 
     def thinned(self, most: int) -> ComparedFrame:
         """At most so many of the points, evenly spread over the image."""

@@ -61,7 +61,9 @@ def sigma_shares_by_range(
     return rows
 
 
-def total_sigma(sigma_px: Float64, systematic_px: float, *, scale: float = 1.0) -> Float64:
+def total_sigma(
+    sigma_px: Float64, systematic_px: float, *, scale: float | Float64 = 1.0
+) -> Float64:
     """(N,) sigma of the disparity: matching error, scaled, and the rig's systematic error."""
     return np.hypot(scale * sigma_px, systematic_px)
 

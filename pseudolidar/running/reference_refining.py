@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,6 +15,7 @@ from pseudolidar.errors import ALL_DONE, SOME_SKIPPED, PseudolidarError, Referen
 from pseudolidar.evaluation.compared import ComparedFrame, against_scan, against_truth
 from pseudolidar.evaluation.ranges import RangeErrors, errors_by_range
 from pseudolidar.evaluation.sigma import SigmaShares, sigma_shares
+from pseudolidar.geometry.triangulation import depth_per_disparity, disparity_from_depth
 from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
@@ -29,6 +31,10 @@ from pseudolidar.structures.samples import DisparitySamples
 
 # Frames are left out in so many turns to judge what the correction is worth.
 FOLDS = 5
+# Points beyond these quantiles of depth are too few to say what the rig does there.
+OUTER = (0.01, 0.99)
+# Where the systematic error is told, m.
+FAR_M = (10, 20, 30, 50, 80)
 
 
 @dataclass(frozen=True)
@@ -141,14 +147,39 @@ class ReferenceRefinement:
         lines.append(f"left on frames outside the fit, px: {tried}")
         lines.append(
             f"correction: {found.choice.chosen.name}; leaves {correction.residual_px:.2f} px; "
-            f"sigma of the matcher times {correction.sigma_scale:.2f}"
+            f"sigma of the matcher times {correction.sigma_scale}"
         )
+        lines.append(self._far)
         lines.append(self._table())
         if self.after is None:
             lines.append("one frame: what it is worth on others cannot be told")
         if self.replaced:
             lines.append("the correction that the rig had is replaced")
         return (*lines, *(f"skipped: {name}: {reason}" for name, reason in self.skipped))
+
+    @property
+    def systematic_rel(self) -> dict[int, float]:
+        """Error that all depths of a surface may share, one standard deviation, by depth in m.
+
+        As far as there were points to fit to.
+        """
+        rig = self.rig
+        farthest_m = self.refinement.correction.fitted_m or (0.0, math.inf)
+        depth_m = np.array([each for each in FAR_M if each <= farthest_m[1]], np.float64)
+        centre = np.full(len(depth_m), rig.left.K[0, 2])
+        d = disparity_from_depth(depth_m, centre, rig)
+        relative = depth_per_disparity(d, depth_m, rig) / depth_m
+        relative *= self.refinement.correction.residual_px
+        return {int(z): float(share) for z, share in zip(depth_m, relative, strict=True)}
+
+    @property
+    def _far(self) -> str:
+        shares = ", ".join(f"{rel:.1%} at {z} m" for z, rel in self.systematic_rel.items())
+        line = f"systematic error left of the depths (68 %): {shares or 'not known'}"
+        fitted_m = self.refinement.correction.fitted_m
+        if fitted_m is None:
+            return line
+        return f"{line}; fitted at {fitted_m[0]:.0f} to {fitted_m[1]:.0f} m"
 
     def _table(self) -> str:
         heads = ("depth error", *(f"{b.from_m}-{b.to_m} m" for b in self.before.by_range), "sigma")
@@ -169,8 +200,15 @@ class ReferenceRefinement:
                 if covariance is None
                 else np.sqrt(np.diag(covariance)).tolist(),
                 "residual_px": correction.residual_px,
-                "sigma_scale": correction.sigma_scale,
+                "sigma_scale": {
+                    "disparities_px": correction.sigma_scale.disparities_px.tolist(),
+                    "factors": correction.sigma_scale.factors.tolist(),
+                },
                 "origin": correction.origin,
+                "fitted_m": correction.fitted_m,
+                "systematic_rel": [
+                    {"at_m": z, "rel": rel} for z, rel in self.systematic_rel.items()
+                ],
             },
             "candidates": [each.as_dict() for each in self.refinement.choice.candidates],
             "samples": self.refinement.samples,
@@ -228,7 +266,8 @@ def refined_by_reference(
             path=source.summary.path,
         )
     stock = [_corrected(each, None) for each in compared]
-    found = refined(_samples(stock), origin=_origin(source, stock))
+    fitted_m = _fitted_m(stock)
+    found = refined(_samples(stock), origin=_origin(source, stock), fitted_m=fitted_m)
     return ReferenceRefinement(
         rig=source.rig.with_correction(found.correction if found.choice.chosen.terms else None),
         refinement=found,
@@ -243,6 +282,15 @@ def refined_by_reference(
 
 def _samples(frames: Sequence[ComparedFrame]) -> DisparitySamples:
     return DisparitySamples.concatenate([frame.samples() for frame in frames])
+
+
+def _fitted_m(frames: Sequence[ComparedFrame]) -> tuple[float, float]:
+    """Nearest and farthest depth of the points, but for one in a hundred; 0, 0 without any."""
+    depth_m = np.concatenate([frame.reference_m[frame.matched] for frame in frames])
+    if not len(depth_m):
+        return 0.0, 0.0
+    near_m, far_m = np.quantile(depth_m, OUTER)
+    return float(near_m), float(far_m)
 
 
 def _kinds(frames: Sequence[ComparedFrame]) -> dict[str, int]:

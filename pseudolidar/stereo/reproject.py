@@ -184,13 +184,12 @@ def _cloud(frame: StereoFrame, disparity: DisparityMap, settings: Reproject) -> 
 
 
 def _calibration(rig: StereoRig) -> tuple[Float64, ...]:
-    """Q, P_left, P_right, the correction's coefficients and the scalars of the kernel's `pair`."""
+    """Q, P_left, P_right, the correction's coefficients, `scale` and `pair` of the kernel."""
     correction = np.zeros(8) if rig.correction is None else rig.correction.coefficients
     tz_m = forward_offset_m(rig)
-    pair = np.array(
-        [rig.doffs_px, tz_m / rig.fB_px_m, tz_m, rig.systematic_sigma_px, rig.sigma_scale]
-    )
-    return rig.Q, rig.P_left, rig.P_right, np.ascontiguousarray(correction), pair
+    scale = np.stack([rig.sigma_scale.disparities_px, rig.sigma_scale.factors])
+    pair = np.array([rig.doffs_px, tz_m / rig.fB_px_m, tz_m, rig.systematic_sigma_px])
+    return rig.Q, rig.P_left, rig.P_right, np.ascontiguousarray(correction), scale, pair
 
 
 def _image8(frame: StereoFrame) -> tuple[UInt8, Float32 | None]:

@@ -17,7 +17,7 @@ PER_LEVEL = 1.0 / 255.0
 RED, GREEN, BLUE = 0.299 * PER_LEVEL, 0.587 * PER_LEVEL, 0.114 * PER_LEVEL
 DISPARITY_UNIT_PX = DisparityCorrection.DISPARITY_UNIT_PX
 # Order of the scalars in `pair` and `gates`.
-DOFFS, STRETCH, TZ, SYSTEMATIC, SIGMA_SCALE = range(5)
+DOFFS, STRETCH, TZ, SYSTEMATIC = range(4)
 MIN_RANGE, MAX_RANGE, MIN_HEIGHT, MAX_HEIGHT, MAX_SIGMA, MAX_SIGMA_REL = range(6)
 
 
@@ -28,7 +28,7 @@ def _in(kind: types.Type, ndim: int) -> types.Array:
 _VECTOR, _MATRIX = _in(float64, 1), _in(float64, 2)
 _POINT = types.UniTuple(float64, 3)
 _MAPS = (_in(float32, 2), _in(float32, 2), _in(uint8, 3))
-_CAMERAS = (boolean, _MATRIX, _MATRIX, _MATRIX, _VECTOR, _VECTOR)
+_CAMERAS = (boolean, _MATRIX, _MATRIX, _MATRIX, _VECTOR, _MATRIX, _VECTOR)
 _COLUMNS = (float32[:, ::1], uint8[:, ::1], float32[::1], float32[::1], float32[:, ::1])
 
 
@@ -73,6 +73,18 @@ def _point_by_p(L, R, u, v, d):  # type: ignore[no-untyped-def]
     return x, y, z
 
 
+@njit(float64(_MATRIX, float64), nogil=True, cache=True, error_model="numpy")
+def _factor(scale, d):  # type: ignore[no-untyped-def]
+    """As `SigmaScale.at`."""
+    if d <= scale[0, 0]:
+        return scale[1, 0]
+    for k in range(1, scale.shape[1]):
+        if d < scale[0, k]:
+            share = (d - scale[0, k - 1]) / (scale[0, k] - scale[0, k - 1])
+            return scale[1, k - 1] + share * (scale[1, k] - scale[1, k - 1])
+    return scale[1, -1]
+
+
 @njit(
     int64(*_MAPS, *_CAMERAS, _VECTOR, boolean, *_COLUMNS),
     nogil=True,
@@ -80,7 +92,23 @@ def _point_by_p(L, R, u, v, d):  # type: ignore[no-untyped-def]
     error_model="numpy",
 )
 def reproject_pixels(  # type: ignore[no-untyped-def]
-    values, sigma, image, by_p, Q, L, R, correction, pair, gates, organised, xyz, rgb, grey, ray, uv
+    values,
+    sigma,
+    image,
+    by_p,
+    Q,
+    L,
+    R,
+    correction,
+    scale,
+    pair,
+    gates,
+    organised,
+    xyz,
+    rgb,
+    grey,
+    ray,
+    uv,
 ):
     """Fill the columns of the points of all pixels; returns the number of points.
 
@@ -93,7 +121,8 @@ def reproject_pixels(  # type: ignore[no-untyped-def]
         L: (3, 4) projection of the left camera.
         R: (3, 4) projection of the right camera.
         correction: (8,) coefficients of `DisparityCorrection`, zeros for none.
-        pair: (5,) doffs px, tz / fB 1/px, tz m, systematic sigma px, factor on the map's sigma.
+        scale: (2, K) disparities px, ascending, and factors on the map's sigma at these.
+        pair: (4,) doffs px, tz / fB 1/px, tz m, systematic sigma px.
         gates: (6,) range m, height m, sigma m, sigma relative to range.
         organised: write every pixel at its place, NaN where there is no point.
         xyz: (N, 3) out, m.
@@ -129,7 +158,7 @@ def reproject_pixels(  # type: ignore[no-untyped-def]
                 kept = gates[MIN_RANGE] <= reach <= gates[MAX_RANGE]
                 kept &= gates[MIN_HEIGHT] <= -Y <= gates[MAX_HEIGHT]
                 if not no_sigma:
-                    s = pair[SIGMA_SCALE] * float64(sigma[v, u])
+                    s = _factor(scale, float64(values[v, u])) * float64(sigma[v, u])
                     ray_per_px = (Z + pair[TZ]) * reach / ((d + pair[DOFFS]) * Z)
                     error_m = math.sqrt(s * s + systematic) * ray_per_px
                     kept &= error_m <= gates[MAX_SIGMA]

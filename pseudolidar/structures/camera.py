@@ -9,7 +9,7 @@ import numpy as np
 
 from pseudolidar.errors import CalibrationSizeMismatch, CalibrationValue, NotRectified
 from pseudolidar.structures.arrays import Float64, check_array
-from pseudolidar.structures.correction import DisparityCorrection, RowCorrection
+from pseudolidar.structures.correction import DisparityCorrection, RowCorrection, SigmaScale
 from pseudolidar.structures.pose import Pose
 
 # Systematic disparity error of a rig whose calibration nobody checked, px (measured on KITTI: about
@@ -204,9 +204,9 @@ class StereoRig:
         return UNREFINED_SIGMA_PX if self.correction is None else self.correction.residual_px
 
     @property
-    def sigma_scale(self) -> float:
+    def sigma_scale(self) -> SigmaScale:
         """Factor on the matcher's sigma that the rig's refinement found; 1 unrefined."""
-        return 1.0 if self.correction is None else self.correction.sigma_scale
+        return SigmaScale() if self.correction is None else self.correction.sigma_scale
 
     def with_correction(self, correction: DisparityCorrection | None) -> StereoRig:
         """The same rig with another disparity correction."""

@@ -2,13 +2,60 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pseudolidar.errors import CalibrationValue
 from pseudolidar.structures.arrays import Float64, check_array
+
+
+@dataclass(frozen=True, eq=False)
+class SigmaScale:
+    """Factor on a matcher's sigma by the disparity: linear between knots, constant beyond them.
+
+    Args:
+        disparities_px: (K,) float64 px, ascending.
+        factors: (K,) float64 at these.
+    """
+
+    disparities_px: Float64 = field(default_factory=lambda: np.zeros(1))
+    factors: Float64 = field(default_factory=lambda: np.ones(1))
+
+    def __post_init__(self) -> None:
+        check_array("SigmaScale", "disparities_px", self.disparities_px, (None,), np.float64)
+        check_array("SigmaScale", "factors", self.factors, self.disparities_px.shape, np.float64)
+        finite = np.isfinite(self.disparities_px).all() and np.isfinite(self.factors).all()
+        if not (len(self.factors) and finite and (self.factors > 0).all()):
+            raise CalibrationValue(
+                f"sigma_scale {self.factors.tolist()}", want="above 0", where="correction"
+            )
+        if not (np.diff(self.disparities_px) > 0).all():
+            raise CalibrationValue(
+                f"sigma_scale at {self.disparities_px.tolist()} px",
+                want="ascending disparities",
+                where="correction",
+            )
+
+    @classmethod
+    def constant(cls, factor: float) -> SigmaScale:
+        """The same for all disparities."""
+        return cls(np.zeros(1), np.array([float(factor)]))
+
+    def at(self, d: Float64) -> Float64:
+        """(N,) factors for measured disparities `d` (N,) px; NaN stays NaN."""
+        return np.interp(d, self.disparities_px, self.factors)
+
+    def scaled(self, ratio: float) -> SigmaScale:
+        """For images whose disparities are `ratio` times as large."""
+        return replace(self, disparities_px=self.disparities_px * ratio)
+
+    def __str__(self) -> str:
+        """The factors, with their disparities where they are several."""
+        if len(self.factors) == 1:
+            return f"{self.factors[0]:.2f}"
+        pairs = zip(self.factors, self.disparities_px, strict=True)
+        return ", ".join(f"{factor:.2f} at {d:.0f} px" for factor, d in pairs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +71,7 @@ class DisparityCorrection:
         origin: what it was fitted to, in words.
         sigma_scale: factor on the matcher's sigma that the pictures it was fitted to ask for.
         covariance: (8, 8) float64 px^2 of the coefficients, or None where it is not known.
+        fitted_m: nearest and farthest depth Z that it was fitted to; None where it is not known.
 
     Source: measured on KITTI stereo 2015 against Velodyne; the bias belongs to the rig and not
         to the matcher.
@@ -32,8 +80,9 @@ class DisparityCorrection:
     coefficients: Float64
     residual_px: float
     origin: str = ""
-    sigma_scale: float = 1.0
+    sigma_scale: SigmaScale = field(default_factory=SigmaScale)
     covariance: Float64 | None = None
+    fitted_m: tuple[float, float] | None = None
 
     DISPARITY_UNIT_PX = 50.0
 
@@ -43,9 +92,11 @@ class DisparityCorrection:
             raise CalibrationValue(
                 "non-finite coefficients or negative residual", where="correction"
             )
-        if not 0 < self.sigma_scale < math.inf:
+        if self.fitted_m is not None and not 0 <= self.fitted_m[0] <= self.fitted_m[1]:
             raise CalibrationValue(
-                f"sigma_scale {self.sigma_scale:g}", want="above 0", where="correction"
+                f"fitted_m {list(self.fitted_m)}",
+                want="nearest and farthest depth, m",
+                where="correction",
             )
         if self.covariance is not None:
             check_array("DisparityCorrection", "covariance", self.covariance, (8, 8), np.float64)
@@ -92,6 +143,7 @@ class DisparityCorrection:
             coefficients=coefficients,
             residual_px=self.residual_px * ratio,
             covariance=covariance,
+            sigma_scale=self.sigma_scale.scaled(ratio),
         )
 
 

@@ -9,14 +9,18 @@ from pseudolidar.geometry.grey import LUMA
 from pseudolidar.geometry.projection import project
 from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.structures.camera import Camera, StereoRig
-from pseudolidar.structures.correction import DisparityCorrection
+from pseudolidar.structures.correction import DisparityCorrection, SigmaScale
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.pose import Pose
 
 WIDTH_PX, HEIGHT_PX = 124, 37
 EVERYTHING = Reproject(max_range_m=1e9)
-CORRECTION = DisparityCorrection(np.array([0.5, 0.1, -0.2, 0.1, 0.3, -0.1, 0.2, 0.4]), 0.1)
+CORRECTION = DisparityCorrection(
+    np.array([0.5, 0.1, -0.2, 0.1, 0.3, -0.1, 0.2, 0.4]),
+    0.1,
+    sigma_scale=SigmaScale(np.array([2.0, 5.0, 9.0]), np.array([0.5, 1.5, 0.8])),
+)
 
 
 def rig(*, tz_m=-1.6e-3, doffs_px=0.0, correction=None) -> StereoRig:
@@ -56,7 +60,8 @@ def oracle(of: StereoRig, disparity: DisparityMap, *, via: str) -> tuple[np.ndar
     points = getattr(triangulation, f"points_by_{via}")(d, u, v, of)
     kept = np.isfinite(points).all(axis=1)
     points, d, u, v = points[kept], d[kept], u[kept], v[kept]
-    sigma_px = np.hypot(disparity.sigma[v.astype(int), u.astype(int)], of.systematic_sigma_px)
+    sigma = disparity.sigma[v.astype(int), u.astype(int)] * of.sigma_scale.at(measured[kept])
+    sigma_px = np.hypot(sigma, of.systematic_sigma_px)
     slope = triangulation.depth_per_disparity(d, points[:, 2], of)
     along_ray = np.linalg.norm(points, axis=1) / points[:, 2]
     return points, sigma_px * slope * along_ray, np.stack([u, v], axis=1)

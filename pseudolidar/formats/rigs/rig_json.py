@@ -38,6 +38,7 @@ from pseudolidar.formats.rigs.rig_parts import (
 from pseudolidar.formats.rigs.strict_json import parse_json
 from pseudolidar.formats.text import read_lines
 from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.pose import Pose, rotation_error
 
 SCHEMA = 1
@@ -151,10 +152,20 @@ def rig_text(rig: StereoRig) -> str:
                 "origin": part.origin,
             }
     if rig.correction is not None:
-        fields["correction"]["sigma_scale"] = rig.correction.sigma_scale
-        if rig.correction.covariance is not None:
-            fields["correction"]["covariance"] = rig.correction.covariance.tolist()
+        fields["correction"] |= _uncertainty_fields(rig.correction)
     return _pretty(fields) + "\n"
+
+
+def _uncertainty_fields(correction: DisparityCorrection) -> dict[str, Any]:
+    scale = correction.sigma_scale
+    fields: dict[str, Any] = {"sigma_scale": float(scale.factors[0])}
+    if len(scale.factors) > 1:
+        fields["sigma_scale"] = np.stack([scale.disparities_px, scale.factors], axis=1).tolist()
+    if correction.fitted_m is not None:
+        fields["fitted_m"] = list(correction.fitted_m)
+    if correction.covariance is not None:
+        fields["covariance"] = correction.covariance.tolist()
+    return fields
 
 
 def rig_notes(rig: StereoRig) -> tuple[str, ...]:

@@ -26,10 +26,11 @@ from pseudolidar.formats.rigs.rig_fields import (
     number,
     numbers,
     text,
+    wrong,
 )
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera
-from pseudolidar.structures.correction import DisparityCorrection, RowCorrection
+from pseudolidar.structures.correction import DisparityCorrection, RowCorrection, SigmaScale
 from pseudolidar.structures.pose import Pose, rotation_error
 
 LEFT, RIGHT, VELODYNE, IMU = "camera_left", "camera_right", "velodyne", "imu"
@@ -161,18 +162,30 @@ def _pose(node: Node, dst: str, src: str) -> Pose:
 def correction(node: Node) -> DisparityCorrection:
     """The disparity correction."""
     fields = fields_of(
-        node, ("coefficients", "residual_px"), ("origin", "sigma_scale", "covariance")
+        node, ("coefficients", "residual_px"), ("origin", "sigma_scale", "covariance", "fitted_m")
     )
+    nearest_m, farthest_m = numbers(fields["fitted_m"], 2) if "fitted_m" in fields else (0.0, 0.0)
     try:
         return DisparityCorrection(
             numbers(fields["coefficients"], 8),
             number(fields["residual_px"]),
             text(fields["origin"]) if "origin" in fields else "",
-            number(fields["sigma_scale"]) if "sigma_scale" in fields else 1.0,
+            _sigma_scale(fields["sigma_scale"]) if "sigma_scale" in fields else SigmaScale(),
             matrix(fields["covariance"], 8) if "covariance" in fields else None,
+            (float(nearest_m), float(farthest_m)) if "fitted_m" in fields else None,
         )
     except CalibrationValue as error:
         raise at_node(error, fields["residual_px"]) from None
+
+
+def _sigma_scale(node: Node) -> SigmaScale:
+    """One factor, or [disparity, factor] of several disparities."""
+    if not isinstance(node.value, tuple):
+        return SigmaScale.constant(number(node))
+    if not node.value:
+        raise wrong(node, "a number, or [disparity in px, factor] of several disparities")
+    disparities_px, factors = np.stack([numbers(pair, 2) for pair in node.value], axis=1)
+    return SigmaScale(disparities_px, factors)
 
 
 def rows(node: Node) -> RowCorrection:

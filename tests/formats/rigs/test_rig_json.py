@@ -31,7 +31,7 @@ from pseudolidar.formats.rigs.rig_json import (
     write_rig,
 )
 from pseudolidar.structures.camera import Camera, StereoRig
-from pseudolidar.structures.correction import DisparityCorrection, RowCorrection
+from pseudolidar.structures.correction import DisparityCorrection, RowCorrection, SigmaScale
 from pseudolidar.structures.pose import Pose
 
 
@@ -357,11 +357,16 @@ def test_the_uncertainty_of_a_correction_stays(tmp_path: Path) -> None:
     rig = full_rig(rectified=True)
     assert rig.correction is not None
     half = np.random.default_rng(1).normal(size=(8, 8))
-    known = replace(rig.correction, sigma_scale=0.7, covariance=half @ half.T)
+    scale = SigmaScale(np.array([6.5, 15.0, 40.0]), np.array([0.6, 0.9, 0.7]))
+    known = replace(
+        rig.correction, sigma_scale=scale, covariance=half @ half.T, fitted_m=(4.5, 78.25)
+    )
     write_rig(tmp_path / "rig.json", rig.with_correction(known))
     read = read_rig(tmp_path / "rig.json").correction
     assert read is not None
-    assert read.sigma_scale == 0.7
+    np.testing.assert_array_equal(read.sigma_scale.disparities_px, scale.disparities_px)
+    np.testing.assert_array_equal(read.sigma_scale.factors, scale.factors)
+    assert read.fitted_m == (4.5, 78.25)
     np.testing.assert_array_equal(read.covariance, known.covariance)
     d, u, v = np.array([5.0, 50.0]), np.array([0.0, 600.0]), np.array([10.0, 300.0])
     sigma_px = read.offset_sigma_px(d, u, v, rig.left.size_px)
@@ -369,8 +374,15 @@ def test_the_uncertainty_of_a_correction_stays(tmp_path: Path) -> None:
     np.testing.assert_allclose(sigma_px, np.linalg.norm(features @ half, axis=1))
 
 
-@pytest.mark.parametrize("scale", [0, -1])
-def test_an_impossible_factor_on_sigma_is_refused(scale: float) -> None:
+def test_one_factor_on_sigma_is_a_number() -> None:
+    good = rig_text(full_rig(rectified=True))
+    read = parse_rig(good.replace('"sigma_scale": 1.0', '"sigma_scale": 0.7'), "rig.json")
+    np.testing.assert_array_equal(read.sigma_scale.at(np.array([3.0, 80.0])), 0.7)
+    assert '"sigma_scale": 0.7' in rig_text(read)
+
+
+@pytest.mark.parametrize("scale", ["0", "-1", "[[5, 1], [9, 0]]", "[[9, 1], [5, 1]]"])
+def test_an_impossible_factor_on_sigma_is_refused(scale: str) -> None:
     good = rig_text(full_rig(rectified=True))
     text = good.replace('"sigma_scale": 1.0', f'"sigma_scale": {scale}')
     assert f'"sigma_scale": {scale}' in text
