@@ -55,6 +55,7 @@ from pseudolidar.structures.samples import DisparitySamples
 # Pixels that correction and sigma are fitted to and judged with, all frames together; a KITTI
 # frame has some 90 000, so up to 22 of them count whole and longer sequences are thinned evenly.
 MAX_SAMPLES = 2_000_000
+UNUSED_CORRECTION = "the correction of the rig is not used here: one is fitted, in halves"
 # A source whose first frames have no truth has none: its other pictures need not be read.
 FRAMES_TRIED = 20
 
@@ -241,6 +242,7 @@ def judge_disparities(job: Evaluate, source: FrameSequence[StereoFrame]) -> Disp
         without_truth=without_truth,
         skipped=[(frame.id, str(frame.error)) for frame in skipped],
         warnings=warnings,
+        notes=(UNUSED_CORRECTION,) if source.rig and source.rig.correction else (),
     )
 
 

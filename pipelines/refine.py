@@ -10,8 +10,9 @@ from pseudolidar.calibration.check_rows import ROWS
 from pseudolidar.calibration.motion import Motion
 from pseudolidar.calibration.reference import Reference
 from pseudolidar.calibration.rows import Rows
-from pseudolidar.errors import UsageError
-from pseudolidar.formats.rigs.rig_json import write_rig
+from pseudolidar.errors import PseudolidarError, UsageError
+from pseudolidar.formats.atomic import write_atomic
+from pseudolidar.formats.rigs.rig_json import read_rig, write_rig
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.crew.crew_plan import CrewPlan
@@ -27,6 +28,7 @@ from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSource, nearest_depth_m, pairs_of
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.sgbm import Bm, Sgbm
+from pseudolidar.structures.camera import StereoRig
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ class Refine:
             calibration for another size stop it, other oddities are warned of.
         workers: frames worked on at the same time; by default one per core.
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
-        overwrite: replace OUT.
+        overwrite: replace OUT, if that is a rig file; it is kept as OUT's name with .previous.
     """
 
     source: Annotated[Source, Recognised(recognise)]
@@ -108,8 +110,8 @@ def run(job: Refine) -> RefineReport:
     if not found.changed:
         return RefineReport(line, None, found, warnings, notes)
     origin = f"{source.rig.origin or 'the rig of the source'}, refined on {line}"
-    write_rig(job.out, replace(found.rig, origin=origin))
-    return RefineReport(line, job.out, found, warnings, notes)
+    previous = stored(job.out, replace(found.rig, origin=origin))
+    return RefineReport(line, job.out, found, warnings, notes, previous)
 
 
 def opened(job: Refine) -> FrameSource:
@@ -126,7 +128,7 @@ def opened(job: Refine) -> FrameSource:
 
 
 def check_place(out: Path, *, overwrite: bool) -> None:
-    """Raise `UsageError` where a file would be written over."""
+    """Raise `UsageError` where a file would be written over, unasked or one that is no rig."""
     if out.exists() and not (overwrite and out.is_file()):
         raise UsageError(
             "a folder" if out.is_dir() else "there is such a file already",
@@ -134,6 +136,27 @@ def check_place(out: Path, *, overwrite: bool) -> None:
             fix="Name another with --out, or pass --overwrite to replace a file.",
             path=out,
         )
+    if out.exists():
+        try:
+            read_rig(out)
+        except PseudolidarError as error:
+            raise UsageError(
+                f"a file that is no rig ({error})",
+                want="a rig file, or the name of a new file",
+                fix="Name another with --out.",
+                path=out,
+            ) from None
+
+
+def stored(out: Path, rig: StereoRig) -> Path | None:
+    """Write the rig file; one that was there is kept beside it, so that it can be taken back."""
+    if not out.exists():
+        write_rig(out, rig)
+        return None
+    previous = out.with_name(f"{out.stem}.previous{out.suffix}")
+    write_atomic(previous, out.read_bytes())
+    write_rig(out, rig)
+    return previous
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +169,7 @@ class RefineReport:
         found: corrections with their figures.
         warnings: what is odd about the pairs.
         notes: what people should know about the source.
+        previous: where the rig file is that `out` replaced; None where there was none.
     """
 
     subject: str
@@ -153,6 +177,7 @@ class RefineReport:
     found: ReferenceRefinement | PictureRefinement
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    previous: Path | None = None
 
     @property
     def exit_code(self) -> int:
@@ -164,12 +189,15 @@ class RefineReport:
         out = None if self.out is None else str(self.out)
         fitted = self.found.as_dict()
         said = {"warnings": list(self.warnings), "notes": list(self.notes)}
-        return {"subject": self.subject, "out": out, **said, **fitted}
+        previous = None if self.previous is None else str(self.previous)
+        return {"subject": self.subject, "out": out, "previous": previous, **said, **fitted}
 
     def text(self) -> str:
         """For people."""
         end = "nothing to be put right, no file written"
         if self.out is not None:
             end = f"{self.out}: pass it to other commands with --rig"
+        if self.previous is not None:
+            end += f"\n{self.previous}: the rig that was there"
         notes = (f"  {note}" for note in self.notes)
         return "\n".join([self.subject, *notes, *self.found.lines, end])

@@ -26,6 +26,7 @@ class DisparityReport:
         without_truth: frames that have no true disparity.
         skipped: id and reason of frames that could not be used.
         warnings: what is odd about the pairs.
+        notes: what people should know of the figures.
     """
 
     subject: str
@@ -36,6 +37,7 @@ class DisparityReport:
     without_truth: int = 0
     skipped: Sequence[tuple[str, str]] = ()
     warnings: Sequence[str] = ()
+    notes: Sequence[str] = ()
 
     @property
     def exit_code(self) -> int:
@@ -70,6 +72,7 @@ class DisparityReport:
             "without_truth": self.without_truth,
             "skipped": [{"id": name, "reason": reason} for name, reason in self.skipped],
             "warnings": list(self.warnings),
+            "notes": list(self.notes),
         }
 
     def _halves_dict(self) -> dict[str, Any]:
@@ -128,7 +131,7 @@ class DisparityReport:
         return lines
 
     def _notes(self) -> list[str]:
-        lines = [f"skipped {name}: {reason}" for name, reason in self.skipped]
+        lines = [*self.notes, *(f"skipped {name}: {reason}" for name, reason in self.skipped)]
         if self.without_truth:
             lines.append(f"{self.without_truth} frames without truth left out")
         return lines

@@ -103,7 +103,7 @@ def _opened(
     source = pairs_of(settings.open())
     reading = read_any_rig(rig, size_px=source.rig.left.size_px, unit=unit)
     given = with_rig(source, reading.of_rectified, scale_calibration=scale_calibration)
-    return replace(given, notes=(*given.notes, *reading.notes))
+    return replace(given, notes=tuple(dict.fromkeys((*given.notes, *reading.notes))))
 
 
 def with_rig(

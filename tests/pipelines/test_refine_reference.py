@@ -131,6 +131,37 @@ def test_later_commands_say_that_the_rig_was_refined(drive, refined, tmp_path, c
     assert "the rig was refined" in (out / "report.html").read_text()
 
 
+def test_a_rig_that_is_replaced_is_kept(drive, wrong_rig, tmp_path, capsys):
+    out, source = tmp_path / "rig.json", ("refine", drive, "--frames", "0:2", "--no-check")
+    arguments = [*source, "--rig", wrong_rig, "--out", out]
+    assert told(capsys, *arguments, "--json")["previous"] is None
+    first = out.read_bytes()
+    error = told(capsys, *arguments, "--json", status=2)["error"]
+    assert "--overwrite" in error["fix"]
+    again = ("--rig", out, "--matcher", "census:fast", "--overwrite", "--json")
+    report = told(capsys, *source, "--out", out, *again)
+    assert report["replaced"]
+    assert report["previous"] == str(tmp_path / "rig.previous.json")
+    assert (tmp_path / "rig.previous.json").read_bytes() == first != out.read_bytes()
+
+
+@pytest.mark.parametrize("content", ["", "notes on the rig", '{"camera": 1}'])
+def test_a_file_that_is_no_rig_is_never_replaced(content, drive, tmp_path, capsys):
+    out = tmp_path / "notes.json"
+    out.write_text(content)
+    error = told(capsys, "refine", drive, "--out", out, "--overwrite", "--json", status=2)["error"]
+    assert "no rig" in error["got"]
+    assert out.read_text() == content
+
+
+def test_later_commands_say_it_once(drive, refined, capsys):
+    args = ["evaluate", "disparity", drive, "--rig", refined, "--frames", "0:1", "--no-check"]
+    assert main([str(each) for each in args]) == 0
+    assert capsys.readouterr().out.count("the correction of the rig is not used here") == 1
+    assert main(["compare", str(drive), *map(str, args[3:])]) == 0
+    assert capsys.readouterr().out.count("refined rig: leaves") == 1
+
+
 def test_ground_truth_disparities_serve_as_well(exact, tmp_path, capsys):
     """They know the pictures' disparities, and nothing of the baseline."""
     arguments = ["refine", exact, "--by", "reference:truth", "--out", tmp_path / "rig.json"]
