@@ -31,7 +31,7 @@ ONE_FRAME_RESIDUAL_PX = 0.2
 SIGMA_BANDS_PX = (8.0, 16.0, 32.0)
 # A matcher is not taken to be surer than this share of its sigma, whatever the systematic error
 # covers.
-LEAST_SIGMA_SCALE = 0.1
+LEAST_SIGMA_SCALE = 0.25
 
 
 @dataclass(frozen=True, eq=False)

@@ -141,7 +141,7 @@ class ReferenceRefinement:
         lines = [f"{found.samples} points of {found.frames} frames ({kinds})"]
         if self.without:
             lines.append(f"{self.without} frames without a reference are left out")
-        if found.frames < FEW_FRAMES:
+        if 1 < found.frames < FEW_FRAMES:
             lines.append(
                 f"{found.frames} frames look more alike than those to come: {FEW_FRAMES} or more "
                 "say more"

@@ -66,6 +66,16 @@ def test_a_wrong_baseline_is_not_seen():
     assert fit.correction.residual_px >= UNREFINED_SIGMA_PX
 
 
+def test_the_correction_is_as_unsure_as_the_offset():
+    of = rig()
+    fit = fit_of(of, motions_of(of, 12, offset_px=0.3, noise_px=0.2))
+    cx, cy = of.left.K[:2, 2]
+    at_axis = np.array([9.0, 60.0]), np.full(2, cx), np.full(2, cy)
+    sigma_px = fit.correction.offset_sigma_px(*at_axis, of.left.size_px)
+    np.testing.assert_allclose(sigma_px, fit.sigma_px)
+    assert fit.correction.fitted_m == fit.depths_m
+
+
 def test_surveyed_poses_are_compared_with():
     of = rig()
     seen = motions_of(of, 12, offset_px=0.3, noise_px=0.1)

@@ -121,6 +121,14 @@ def test_the_report_tells_terms_uncertainty_and_frames_left_out(drive, wrong_rig
     assert correction.covariance is not None
     assert 0 < correction.residual_px < 0.5
     assert "LiDAR scans of 5 frames" in correction.origin
+    assert report["correction"]["fitted_m"] == list(correction.fitted_m)
+    near_m, far_m = correction.fitted_m
+    assert 4 < near_m < 10 < 30 < far_m < 120
+    rig = read_rig(out)
+    for each in report["correction"]["systematic_rel"]:
+        # Z = fB / d: dZ / Z = Z dd / fB
+        expected = each["at_m"] * correction.residual_px / rig.fB_px_m
+        assert each["rel"] == pytest.approx(expected, rel=0.01)
 
 
 def test_later_commands_say_that_the_rig_was_refined(drive, refined, tmp_path, capsys):

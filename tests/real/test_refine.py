@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from pseudolidar.calibration.refine import refined
+from pseudolidar.calibration.refine_fit import block_medians
 from pseudolidar.evaluation.compared import against_scan
 from pseudolidar.evaluation.ranges import errors_by_range
 from pseudolidar.evaluation.sigma import sigma_shares, sigma_shares_by_range
+from pseudolidar.sources.kitti.raw import KittiRaw
 from pseudolidar.sources.kitti.stereo import KittiStereo
 from pseudolidar.stereo.census import Census
 from pseudolidar.structures.samples import DisparitySamples
@@ -62,3 +64,27 @@ def test_sigma_stays_calibrated(judged):
     for each in sigma_shares_by_range(error[known], sigma, pooled(judged, "reference_m")[known]):
         assert each["within_1_sigma"] == pytest.approx(0.68, abs=0.10)
         assert each["within_95"] == pytest.approx(0.95, abs=0.10)
+
+
+def test_the_correction_belongs_to_the_rig(compared, real_data):
+    """What single frames of many drives tell mends a drive that is not among them."""
+    found = refined(DisparitySamples.concatenate([frame.samples() for frame in compared]))
+    source, match = KittiRaw(str(real_data / "kitti_raw")).open(), Census(quality="fine").load()
+    frames = [source.load(index) for index in (0, 9)]
+    stock = [against_scan(match(frame), frame) for frame in frames]
+    mended = [replace(f, rig=f.rig.with_correction(found.correction)) for f in stock]
+    before, after = (
+        errors_by_range(pooled(each, "depth_m"), pooled(each, "reference_m"))
+        for each in (stock, mended)
+    )
+    for one, other in zip(before, after, strict=True):
+        assert other.median_rel < one.median_rel
+    assert after[-1].median_rel < 0.7 * before[-1].median_rel
+
+
+def test_what_a_correction_leaves_is_what_it_says(judged):
+    """68 % of the medians of image blocks, outside the fit."""
+    correction = judged[0].rig.correction
+    samples = DisparitySamples.concatenate([frame.samples() for frame in judged])
+    left = np.abs(list(block_medians(samples, correction.coefficients)))
+    assert np.quantile(left, 0.68) == pytest.approx(correction.residual_px, rel=0.25)
