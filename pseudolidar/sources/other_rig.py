@@ -15,10 +15,11 @@ from pseudolidar.formats.rigs.rig_file import read_any_rig
 from pseudolidar.formats.rigs.rig_json import rig_notes
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.geometry.frames import BASE_LINK, left_in_base_link
-from pseudolidar.sources.aligned_rows import AlignedRows, with_rows_aligned
+from pseudolidar.sources.aligned_rows import with_rows_aligned
+from pseudolidar.sources.changed import ChangedSource
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.recording.recording import Recording
-from pseudolidar.sources.scans_put_right import Scans, ScansPutRight, with_scans_put_right
+from pseudolidar.sources.scans_put_right import Scans, with_scans_put_right
 from pseudolidar.sources.selection import SelectedSource
 from pseudolidar.sources.source import (
     FrameSequence,
@@ -27,7 +28,7 @@ from pseudolidar.sources.source import (
     SourceSummary,
     pairs_of,
 )
-from pseudolidar.sources.swapped import SwappedSource
+from pseudolidar.sources.swapped import swapped
 from pseudolidar.sources.tum_depth import TumDepth
 from pseudolidar.sources.video.videos import Video
 from pseudolidar.structures.camera import StereoRig
@@ -80,7 +81,7 @@ def opened_as_taken(
     """As `opened_with_rig`, with the pictures as they are: for what fits a new row correction."""
     opened = _opened(settings, rig, scale_calibration=scale_calibration, unit=unit)
     source = with_scans_put_right(opened, scans)
-    return SwappedSource(pairs_of(source)) if swap else source
+    return swapped(pairs_of(source)) if swap else source
 
 
 def _opened(
@@ -204,7 +205,7 @@ def replaced_rig(source: FrameSequence[Frame]) -> StereoRig | None:
     """The source's own rig, where another one replaces it."""
     if isinstance(source, RiggedSource):
         return source.source.rig
-    if isinstance(source, SwappedSource | SelectedSource | AlignedRows | ScansPutRight):
+    if isinstance(source, ChangedSource | SelectedSource):
         return replaced_rig(source.source)
     return None
 

@@ -1,19 +1,20 @@
-"""A source whose LiDAR scans are put right: moved to one moment, their beams raised."""
+"""LiDAR scans put right: moved to one moment, their beams raised."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Generic, Literal
+from functools import partial
+from typing import Any, Literal
 
 import numpy as np
 
-from pseudolidar.errors import PseudolidarError, UsageError
+from pseudolidar.errors import UsageError
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.frames import left_in_base_link
 from pseudolidar.geometry.scan_motion import at_one_moment, raised, turning_times_ns
-from pseudolidar.sources.source import AnyFrame, FrameSequence, SourceSummary
-from pseudolidar.structures.camera import StereoRig
+from pseudolidar.sources.changed import ChangedSource
+from pseudolidar.sources.source import AnyFrame, FrameSequence
 from pseudolidar.structures.frame import LidarScan, StereoFrame
 
 Moment = Literal["trigger", "picture", "none"]
@@ -47,6 +48,16 @@ class Scans:
                 f"a tilt of {self.tilt_deg:g} degrees", want=f"{LARGEST_TILT_DEG:g} at most"
             )
 
+    @property
+    def note(self) -> str:
+        """What is done, for people."""
+        done = []
+        if self.deskew != "none":
+            done.append(f"moved by the IMU's motion to {_MOMENTS[self.deskew]}")
+        if self.tilt_deg:
+            done.append(f"beams raised by {self.tilt_deg:g} degrees")
+        return f"scans: {', '.join(done)}"
+
 
 def with_scans_put_right(
     source: FrameSequence[AnyFrame], scans: Scans | None
@@ -58,69 +69,20 @@ def with_scans_put_right(
     wanted = replace(scans, deskew=deskew)
     if wanted == Scans("none"):
         return source
-    return ScansPutRight(source, wanted)
+    return ChangedSource(source, wanted.note, partial(_put_right, scans=wanted))
 
 
-@dataclass(frozen=True, eq=False)
-class ScansPutRight(Generic[AnyFrame]):
-    """A source whose scans are put right as they load.
-
-    Args:
-        source: with scans.
-        scans: what is done.
-    """
-
-    source: FrameSequence[AnyFrame]
-    scans: Scans
-
-    @property
-    def summary(self) -> SourceSummary:
-        """What it is."""
-        summary = self.source.summary
-        done = []
-        if self.scans.deskew != "none":
-            done.append(f"moved by the IMU's motion to {_MOMENTS[self.scans.deskew]}")
-        if self.scans.tilt_deg:
-            done.append(f"beams raised by {self.scans.tilt_deg:g} degrees")
-        return replace(summary, notes=(*summary.notes, f"scans: {', '.join(done)}"))
-
-    @property
-    def yields(self) -> type[AnyFrame]:
-        """What its frames are."""
-        return self.source.yields
-
-    @property
-    def rig(self) -> StereoRig | None:
-        """That of the source."""
-        return self.source.rig
-
-    @property
-    def ids(self) -> tuple[str, ...]:
-        """Names of the frames."""
-        return self.source.ids
-
-    @property
-    def timestamps_ns(self) -> tuple[int, ...]:
-        """Times of the frames."""
-        return self.source.timestamps_ns
-
-    @property
-    def refused(self) -> tuple[tuple[str, PseudolidarError], ...]:
-        """Frames known to be unusable."""
-        return self.source.refused
-
-    def load(self, index: int) -> AnyFrame:
-        """Frame `index` with its scan put right."""
-        frame = self.source.load(index)
-        if not isinstance(frame, StereoFrame) or frame.scan is None:
-            return frame
-        scan = frame.scan
-        if self.scans.tilt_deg:
-            scan = replace(scan, xyz=raised(scan.xyz, math.radians(self.scans.tilt_deg)))
-        if self.scans.deskew != "none":
-            stamp_ns = None if self.scans.deskew == "trigger" else frame.timestamp_ns
-            scan = deskewed(scan, frame, to_ns=stamp_ns)
-        return replace(frame, scan=scan)
+def _put_right(frame: Any, *, scans: Scans) -> Any:
+    """A pair with its scan put right; anything else as it is."""
+    if not isinstance(frame, StereoFrame) or frame.scan is None:
+        return frame
+    scan = frame.scan
+    if scans.tilt_deg:
+        scan = replace(scan, xyz=raised(scan.xyz, math.radians(scans.tilt_deg)))
+    if scans.deskew != "none":
+        stamp_ns = None if scans.deskew == "trigger" else frame.timestamp_ns
+        scan = deskewed(scan, frame, to_ns=stamp_ns)
+    return replace(frame, scan=scan)
 
 
 def deskewed(scan: LidarScan, frame: StereoFrame, *, to_ns: int | None = None) -> LidarScan:

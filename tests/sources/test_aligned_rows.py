@@ -10,7 +10,7 @@ from pseudolidar.formats.pictures.image import encode_png
 from pseudolidar.formats.rigs.rig_json import read_rig, write_rig
 from pseudolidar.geometry.rows import rows_aligned
 from pseudolidar.running.journal.identity import calibration_text
-from pseudolidar.sources.aligned_rows import AlignedRows
+from pseudolidar.sources.changed import ChangedSource
 from pseudolidar.sources.other_rig import opened_as_taken, opened_with_rig
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.source import pairs_of
@@ -60,7 +60,7 @@ def test_folders_too_with_their_own_rig_or_another(tmp_path, given, own):
     rig = WORLD.open().rig
     folder = folder_of_pairs(tmp_path / "pairs", rig.with_rows(ROWS) if own else rig)
     source = pairs_of(opened_with_rig(recognise(str(folder)), None if own else given))
-    assert isinstance(source, AlignedRows)
+    assert isinstance(source, ChangedSource)
     assert np.array_equal(source.load(0).right, rows_aligned(WORLD.open().load(0).right, ROWS))
 
 
