@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, cast, get_args
 
 from pseudolidar.errors import EnvironmentFault, PseudolidarError, SourceUnknown, UsageError
-from pseudolidar.evaluation.compared import ComparedFrame, against_scan, against_truth
+from pseudolidar.evaluation.compared import against_scan, against_truth
 from pseudolidar.evaluation.comparison.bins import DEFAULT_BINS, DepthBins
 from pseudolidar.evaluation.comparison.comparison import compare_frames
 from pseudolidar.evaluation.comparison.pooled import PointPool
 from pseudolidar.formats.mcap.content import McapContent
 from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.running.apart import check_apart, paths_read
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.comparing.clouds import OWN_SCANS, holds_clouds, other_clouds
 from pseudolidar.running.comparing.compared_clouds import compared_clouds
 from pseudolidar.running.comparing.drives import Drives, drives_below, recognise_drives
-from pseudolidar.running.comparing.gathered import AGAINST, Gathered, Judged, Missing, bare
-from pseudolidar.running.comparing.match_frame import MatchFrame
+from pseudolidar.running.comparing.gathered import AGAINST, Gathered, Judged, Missing
+from pseudolidar.running.comparing.gathering import (
+    Doing,
+    ended_well,
+    gather,
+    gather_into,
+    taken_as_pairs,
+)
 from pseudolidar.running.comparing.other import other_reference
-from pseudolidar.running.comparing.pass_through import pass_through
 from pseudolidar.running.comparing.references import (
     SCAN,
     OwnKind,
@@ -31,12 +37,11 @@ from pseudolidar.running.comparing.references import (
     kind_of,
 )
 from pseudolidar.running.comparing.second_place import places
-from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
-from pseudolidar.running.frame_checks import MIN_DENSITY
 from pseudolidar.running.given import GivenSettings, given_maps
+from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.products.compared_outputs import ComparedOutputs
 from pseudolidar.running.products.compared_products import ComparedEncoder
 from pseudolidar.running.products.encoders import FrameEncoder
@@ -53,33 +58,27 @@ from pseudolidar.running.reports.comparison_files import (
     write_comparison,
 )
 from pseudolidar.running.reports.comparison_page import write_comparison_page
-from pseudolidar.running.reports.comparison_report import ComparisonReport
+from pseudolidar.running.reports.comparison_report import ComparisonReport, rig_note
 from pseudolidar.running.reports.drives_page import write_drives_page
 from pseudolidar.running.reports.drives_report import DrivesReport
 from pseudolidar.running.reports.samples import sampled_frames
 from pseudolidar.running.run import Run
 from pseudolidar.running.settings_json import result_settings
 from pseudolidar.running.settings_schema import choice_name, described
-from pseudolidar.running.signals import SIGNAL_EXIT_BASE, Stopped
-from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
-from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.sources.scans_put_right import Scans
-from pseudolidar.sources.selection import FrameSelection, select, whole
-from pseudolidar.sources.source import FrameSequence, clouds_of, nearest_depth_m, pairs_of
+from pseudolidar.sources.selection import FrameSelection, select
+from pseudolidar.sources.source import FrameSequence, clouds_of, pairs_of, tell
 from pseudolidar.stereo.census import Census
-from pseudolidar.stereo.filters.clean import Clean, Cleaner
+from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.filters.filled_map import Surfaces
-from pseudolidar.stereo.filters.map_filter import MapFilters
 from pseudolidar.stereo.filters.smoothed_map import Fgs
 from pseudolidar.stereo.filters.temporal import Kalman
 from pseudolidar.stereo.given_maps import StoredSteps
-from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.stereo.sgbm import Bm, Sgbm
-from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import Frame, RecordedCloud
 
@@ -212,6 +211,15 @@ class Compare:
         return self.reference in get_args(OwnKind)
 
     @property
+    def read(self) -> Iterator[Path]:
+        """What is read, and must not be written over."""
+        other = None if self.owned else Path(self.reference)
+        if isinstance(self.source, Drives):
+            yield Path(self.source.path)
+            return
+        yield from paths_read(self.source, self.disparity, self.depth, other)
+
+    @property
     def matched_by(self) -> str:
         """What finds the disparities, and what is done to them, in a few words."""
         cleaned = None if self.given.text else self.clean
@@ -236,10 +244,17 @@ def run_pairs(job: Compare, source: FrameSequence[StereoFrame]) -> ComparisonRep
     _log.info("disparities: %s", job.matched_by)
     per_frame = CompareFrame.of(job, source)
     missing = Missing(source.summary.line, source.summary.path, tried=FRAMES_TRIED)
+    doing = Doing(job.crew, job.on_error, job.check)
     if job.out is None:
-        gathered = told(job, source, per_frame, missing)
+        gathered = gather(source, per_frame, missing, doing)
     else:
-        gathered = written(job, job.out, source, per_frame, missing)
+        check_usable(job.out)
+        recording = RecordingPlan.of(job, source, wanted=job.to.coloured.recording)
+        products = (*recording.names, *RESULTS)
+        check_apart(job.out, job.read, (*job.to.folders, *products), overwrite=job.overwrite)
+        with Run.open(job.out, job, source, products=products) as run:
+            gather_into(run, source, per_frame, missing, doing, recording)
+        gathered = Gathered.read(job.out, ended_well(run.result()))
     if not gathered.frames:
         raise missing.error()
     compared = compare_frames(
@@ -249,7 +264,7 @@ def run_pairs(job: Compare, source: FrameSequence[StereoFrame]) -> ComparisonRep
         bins=job.bins,
         scanned=job.owned and set(gathered.against) == {SCAN},
     )
-    notes = notes_of(source, compared.frames[0].rig)
+    notes = (*source.summary.notes, rig_note(compared.frames[0].rig))
     report = ComparisonReport(compared, gathered.result, gathered.without, notes)
     if job.out is None:
         return report
@@ -322,52 +337,6 @@ def run_all(job: Compare) -> DrivesReport:
     return replace(every, files=[*files, page])
 
 
-def told(
-    job: Compare, source: FrameSequence[StereoFrame], per_frame: CompareFrame, missing: Missing
-) -> Gathered:
-    """Compare every frame and write nothing."""
-    frames: list[ComparedFrame] = []
-
-    def keep(judged: Judged) -> str | None:
-        missing.see(judged.against)
-        frames.extend([] if judged.compared is None else [judged.compared])
-        return judged.against
-
-    result = pass_through(
-        source, per_frame, keep, crew=job.crew, on_error=job.on_error, check=job.check
-    )
-    return Gathered(tuple(frames), result)
-
-
-def written(
-    job: Compare,
-    out: Path,
-    source: FrameSequence[StereoFrame],
-    per_frame: CompareFrame,
-    missing: Missing,
-) -> Gathered:
-    """Compare every frame, and commit what is written of it in order."""
-    check_usable(out)
-    recording = RecordingPlan.of(job, source, wanted=job.to.coloured.recording)
-    with Run.open(out, job, source, products=(*recording.names, *RESULTS)) as run:
-        empty = bare(run.records())
-        names = [name for name in run.expected(per_frame, crew=job.crew) if name not in empty]
-        with recording.open(out, names) as log:
-            settled = run.settled(log.held | empty)
-            run.check(wanted=job.check and len(settled) < len(source.ids), crew=job.crew)
-            outcomes = stream(
-                source, per_frame, crew=job.crew, skip=settled, in_flight=run.in_flight
-            )
-            for frame in run.good(outcomes):
-                judged: Judged = frame.value
-                missing.see(judged.against)
-                log.append(frame.id, judged.product.parts)
-                run.commit(Done(frame.id, frame.index, judged.product, frame.cpu_s))
-    if ended_by := run.result().ended_by:  # by a signal: errors have come out of the block
-        raise Stopped(ended_by - SIGNAL_EXIT_BASE)
-    return Gathered.read(out, run.result())
-
-
 @dataclass(frozen=True)
 class CompareFrame:
     """One frame with its reference to what is kept of it: pure, picklable, one thread.
@@ -408,7 +377,7 @@ class CompareFrame:
         found = self.reference(frame)
         if found is None:
             return Judged(None, None, Product((), figures={AGAINST: None}))
-        kind, disparity = kind_of(found), self.match(found)
+        kind, disparity = kind_of(found), self.match.disparity(found)
         against = against_scan if kind == SCAN else against_truth
         compared = against(disparity, found)
         if self.encode is None:
@@ -440,11 +409,8 @@ def opened(job: Compare) -> FrameSequence[Frame]:
     settings = job.source
     if isinstance(settings, Drives):
         settings = recognise(settings.path)  # which says what was looked for
-    if isinstance(settings, Recording) and settings.take == "auto":
-        with contextlib.suppress(PseudolidarError):  # what it has then is said by its line
-            if job.owned or not holds_clouds(job.reference):
-                replace(settings, take="pairs").open()
-                settings = replace(settings, take="pairs")
+    if job.owned or not holds_clouds(job.reference):
+        settings = taken_as_pairs(settings)
     every = opened_with_rig(
         settings,
         job.rig,
@@ -454,24 +420,17 @@ def opened(job: Compare) -> FrameSequence[Frame]:
         scans=job.scans,
     )
     source = select(every, job.frames, job.exclude)
-    for line in (source.summary.line, *source.summary.notes):
-        _log.info(line)
-    for name in source.summary.absent:
-        _log.info("absent: %s", name)
+    tell(source)
     return source
 
 
 def matching(job: Compare, source: FrameSequence[StereoFrame]) -> MatchFrame:
     """What finds the disparities that `convert` would make points of."""
+    refining = Refining(job.temporal, job.smooth, job.fill)
     given = given_maps(job.given, source)
-    nearest_m = nearest_depth_m(job.min_depth, source)
-    matcher: StereoMatcher = given or job.matcher.load(min_depth_m=nearest_m)
-    refine = MapFilters.load(job.smooth, job.fill)
-    if job.temporal is not None:
-        fuse = job.temporal.load(matcher, pairs_of(whole(source)))
-        matcher, refine = fuse.sightings, refine.after(fuse)
-    clean = Cleaner.load(None if given else job.clean)
-    return MatchFrame(matcher, refine, clean, 0.0 if given else MIN_DENSITY)
+    return MatchFrame.load(
+        source, job.matcher, refining, job.clean, given=given, min_depth_m=job.min_depth
+    )
 
 
 def reference_of(job: Compare, source: FrameSequence[StereoFrame], match: MatchFrame) -> Reference:
@@ -482,14 +441,4 @@ def reference_of(job: Compare, source: FrameSequence[StereoFrame], match: MatchF
     """
     if job.owned:
         return OwnReference(cast("OwnKind", job.reference))
-    return other_reference(job.reference, source, match)
-
-
-def notes_of(source: FrameSequence[StereoFrame], rig: StereoRig) -> tuple[str, ...]:
-    """What people should know of the figures."""
-    if rig.correction is None:
-        stock = f"rig as it came; systematic error in sigma {rig.systematic_sigma_px:g} px"
-        return (*source.summary.notes, stock)
-    corrected = f"rig corrected ({rig.correction.origin or 'origin unknown'})"
-    residual = f"systematic error in sigma {rig.systematic_sigma_px:.2f} px"
-    return (*source.summary.notes, f"{corrected}; {residual}")
+    return other_reference(job.reference, source, match.disparity)

@@ -26,13 +26,11 @@ from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
 from pseudolidar.running.frame_checks import (
-    MIN_DENSITY,
-    check_pair,
     check_points,
-    check_texture,
     scale_notes,
 )
 from pseudolidar.running.given import GivenSettings, given_maps
+from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.products.colmap_model import ColmapModel
 from pseudolidar.running.products.converted import Converted
@@ -52,16 +50,14 @@ from pseudolidar.running.settings_schema import described
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
-from pseudolidar.sources.selection import FrameSelection, select, whole
-from pseudolidar.sources.source import FrameSequence, nearest_depth_m, pairs_of
+from pseudolidar.sources.selection import FrameSelection, select
+from pseudolidar.sources.source import FrameSequence, pairs_of, tell
 from pseudolidar.stereo.census import Census
-from pseudolidar.stereo.filters.clean import Clean, Cleaner
+from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.filters.filled_map import Surfaces
-from pseudolidar.stereo.filters.map_filter import MapFilters
 from pseudolidar.stereo.filters.smoothed_map import Fgs
 from pseudolidar.stereo.filters.temporal import Kalman
 from pseudolidar.stereo.given_maps import StoredSteps
-from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.stereo.sgbm import Bm, Sgbm
@@ -240,10 +236,7 @@ class ConvertFrame:
     """One frame to the bytes of its outputs: pure, picklable, one thread.
 
     Args:
-        matcher: pair to disparity.
-        clean: disparity without what is no surface.
-        refine: disparity to a smoother or denser one.
-        least_density: share of pixels that must have a disparity: given maps may be sparse.
+        match: pair to disparity, refined and cleaned.
         reproject: disparity to points.
         guide: points corrected by the scan of their frame.
         frame: coordinate frame of the clouds, None for the usual one of what a frame knows.
@@ -251,10 +244,7 @@ class ConvertFrame:
         encode: all that to the bytes of files and recording.
     """
 
-    matcher: StereoMatcher
-    clean: Cleaner
-    refine: MapFilters
-    least_density: float
+    match: MatchFrame
     reproject: Reprojector
     guide: Guide
     frame: CloudFrame | None
@@ -270,25 +260,20 @@ class ConvertFrame:
         """
         if source.rig is not None:  # a wrong --frame ends the run here, and not at each frame
             left_in(source.rig, job.frame or default_frame(source.rig))
-        nearest_m = nearest_depth_m(job.min_depth, source)
         given = given_maps(job.given, source)
-        matcher: StereoMatcher = given or job.matcher.load(min_depth_m=nearest_m)
-        # Only disparities need the kernels, and these take a second to load.
-        paired = source.yields is StereoFrame
+        refining = Refining(job.temporal, job.smooth, job.fill)
+        match = MatchFrame.load(
+            source, job.matcher, refining, job.clean, given=given, min_depth_m=job.min_depth
+        )
+        paired = source.yields is StereoFrame  # else no kernel is needed, which take a second
         reproject = job.reproject.load() if paired else Reprojector(job.reproject)
         guide = Guide.unused() if job.guide is None else job.guide.load(pairs_of(source).rig)
-        clean = Cleaner.load(job.clean if paired and not given else None)
-        refine = MapFilters.load(job.smooth, job.fill)
-        if job.temporal is not None:
-            fuse = job.temporal.load(matcher, pairs_of(whole(source)))
-            matcher, refine = fuse.sightings, refine.after(fuse)
         normals = Normals() if job.normals else None
         beams = None if job.beams is None else Beams(job.beams)
         tools = CloudTools.load(job.outliers, job.ground, job.crop, normals, beams, job.thin)
         trees = Trees.of(job.to.trees, job.kitti, job.colmap, source)
         encode = FrameEncoder(job.to, job.mcap, trees, sampled_frames(source.ids))
-        least = 0.0 if given else MIN_DENSITY
-        plain = cls(matcher, clean, refine, least, reproject, guide, job.frame, tools, encode)
+        plain = cls(match, reproject, guide, job.frame, tools, encode)
         if not job.video:
             return plain
         artist = PreviewArtist.of(job.preview, source, plain.converted, crew=job.crew)
@@ -322,21 +307,17 @@ class ConvertFrame:
 
     def pair(self, frame: StereoFrame) -> Converted:
         """Match, refine, clean, reproject, guide."""
-        check_pair(frame)
         self.guide.check(frame)
-        matched = self.matcher(frame)
-        check_texture(frame, matched, least=self.least_density)
-        refined, counts = self.refine(frame, matched)
-        cleaned = self.clean(frame, refined)
-        disparity = cleaned.disparity
+        matched = self.match(frame)
+        disparity = matched.disparity
         depth = depth_map(disparity, frame.rig)
         frame = replace(frame, notes=(*frame.notes, *scale_notes(frame, disparity, depth)))
         T_frame_left = left_in(frame.rig, self.frame or default_frame(frame.rig))
         cloud, depth, guided = self.guide(frame, self.reproject(frame, disparity), depth)
         cloud = cloud.transformed(T_frame_left)
-        check_points(frame, cloud, cleaned.counts)
-        figures: dict[str, float] = {**counts, **cleaned.counts, **guided}
-        return Converted(frame, cloud, disparity, depth, figures, cleaned.reason)
+        check_points(frame, cloud, matched.counts)
+        figures: dict[str, float] = {**matched.counts, **guided}
+        return Converted(frame, cloud, disparity, depth, figures, matched.reason)
 
 
 def opened(job: Convert) -> FrameSequence[Frame]:
@@ -349,10 +330,7 @@ def opened(job: Convert) -> FrameSequence[Frame]:
         swap=job.swap,
     )
     source = select(every, job.frames, job.exclude)
-    for line in (source.summary.line, *source.summary.notes):
-        _log.info(line)
-    for name in source.summary.absent:
-        _log.info("absent: %s", name)
+    tell(source)
     if source.yields is StereoFrame:
         _log.info("matcher: %s", job.matched_by)
     return source

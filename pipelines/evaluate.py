@@ -21,13 +21,12 @@ from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.comparing.cloud_of_pair import CompareCloudOfPair
 from pseudolidar.running.comparing.clouds import OWN_SCANS, other_clouds
 from pseudolidar.running.comparing.compared_clouds import Comparing, compared_clouds
-from pseudolidar.running.comparing.match_frame import MatchFrame
 from pseudolidar.running.comparing.other import other_scans
 from pseudolidar.running.comparing.references import SCAN, WORDS, OwnReference
 from pseudolidar.running.crew.attempt import AnyFrame, Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, Recognised
-from pseudolidar.running.frame_checks import MIN_DENSITY
+from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.reports.clouds_report import CloudsReport
@@ -36,12 +35,12 @@ from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.scans_put_right import Scans
-from pseudolidar.sources.selection import FrameSelection, select, whole
+from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, clouds_of, nearest_depth_m, pairs_of
 from pseudolidar.stereo.census import Census
-from pseudolidar.stereo.filters.clean import Clean, Cleaner
+from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.filters.filled_map import Surfaces
-from pseudolidar.stereo.filters.map_filter import FilteredMatcher, MapFilters
+from pseudolidar.stereo.filters.map_filter import FilteredMatcher
 from pseudolidar.stereo.filters.smoothed_map import Fgs
 from pseudolidar.stereo.filters.temporal import Kalman
 from pseudolidar.stereo.matcher import StereoMatcher
@@ -208,7 +207,8 @@ def run(job: Evaluate) -> DisparityReport | CloudsReport:
 def judge_disparities(job: Evaluate, source: FrameSequence[StereoFrame]) -> DisparityReport:
     """Match and judge every frame that has a truth; then fit and judge in halves."""
     warnings = preflight(source, wanted=job.check, crew=CrewPlan(job.workers))
-    matcher = FilteredMatcher(*matching(job, source))
+    loaded = job.matcher.load(min_depth_m=nearest_depth_m(job.min_depth, source))
+    matcher = FilteredMatcher(*refining(job).load(loaded, source))
     per_frame = JudgeFrame(matcher, most=max(1, MAX_SAMPLES // max(1, len(source.ids))))
     skipped: list[Skipped] = []
     judged: list[JudgedFrame] = []
@@ -255,7 +255,7 @@ def judge_clouds(job: Evaluate) -> CloudsReport:
         against = OWN_SCANS if reference is None else other_clouds(reference, clouds)
         return told(job, clouds, against, subject=source.summary.line)
     pairs = pairs_of(source)
-    match = MatchFrame(*matching(job, pairs), Cleaner.load(job.clean), MIN_DENSITY)
+    match = MatchFrame.load(pairs, job.matcher, refining(job), job.clean, min_depth_m=job.min_depth)
     scans = OwnReference("scan") if reference is None else other_scans(reference, pairs)
     per_frame = CompareCloudOfPair(match, job.reproject.load(), scans)
     return told(job, pairs, per_frame, subject=f"{described(job.matcher)} on {source.summary.line}")
@@ -278,14 +278,9 @@ def told(
     )
 
 
-def matching(job: Evaluate, source: FrameSequence[StereoFrame]) -> tuple[StereoMatcher, MapFilters]:
-    """What finds the disparities, and what is done to them."""
-    filters = MapFilters.load(job.smooth, job.fill)
-    matcher: StereoMatcher = job.matcher.load(min_depth_m=nearest_depth_m(job.min_depth, source))
-    if job.temporal is None:
-        return matcher, filters
-    fuse = job.temporal.load(matcher, pairs_of(whole(source)))
-    return fuse.sightings, filters.after(fuse)
+def refining(job: Evaluate) -> Refining:
+    """What is done to the matched disparities."""
+    return Refining(job.temporal, job.smooth, job.fill)
 
 
 def opened(job: Evaluate) -> FrameSequence[Frame]:

@@ -62,7 +62,8 @@ def _run(args: list[str], out: TextIO, *, as_json: bool, debug: bool) -> int:
         return ALL_DONE
     except KeyboardInterrupt as stop:
         known: Exception = Interrupted(
-            "stopped by a signal", fix="Run the same command again to continue."
+            "stopped by a signal",
+            fix="Run the same command again: where it has an output folder, it continues.",
         )
         code = stop.exit_code if isinstance(stop, Stopped) else Interrupted.exit_code
     except Exception as error:

@@ -83,10 +83,6 @@ class GhostCount:
         """Pooled over frames: every point counts once."""
         return cls(sum(count.ghosts for count in counts), sum(count.good for count in counts))
 
-    def left_of(self, before: GhostCount) -> tuple[float, float]:
-        """Shares of the ghosts and of the good points of `before` that are still there."""
-        return self.ghosts / max(before.ghosts, 1), self.good / max(before.good, 1)
-
 
 def judge_points(cloud: PointCloud, frame: StereoFrame, surface: ScanSurface) -> JudgedPoints:
     """Compare each point of a cloud with the surfaces that the LiDAR saw.

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol, TypeVar, cast
 
 from pseudolidar.errors import NoClouds, NoPairs, PseudolidarError
 from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.disparity import DEFAULT_MIN_DEPTH_M
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
 
-AnyFrame = TypeVar("AnyFrame", bound=Frame, covariant=True)
+_log = logging.getLogger(__name__)
 
-# Nearest depth that is looked for where neither user nor data say one, m.
-DEFAULT_MIN_DEPTH_M = 3.0
+AnyFrame = TypeVar("AnyFrame", bound=Frame, covariant=True)
 
 KIND_NAMES: dict[type[Frame], str] = {
     StereoFrame: "pairs of pictures",
@@ -100,6 +101,14 @@ def nearest_depth_m(wanted_m: float | None, source: FrameSequence[Frame]) -> flo
         return wanted_m
     stated_m = source.summary.nearest_m
     return DEFAULT_MIN_DEPTH_M if stated_m is None else stated_m
+
+
+def tell(source: FrameSequence[Frame]) -> None:
+    """Log what a source is, what was assumed, and what its layout could have and it has not."""
+    for line in (source.summary.line, *source.summary.notes):
+        _log.info(line)
+    for name in source.summary.absent:
+        _log.info("absent: %s", name)
 
 
 def first_middle_last(source: FrameSource) -> Iterator[StereoFrame]:

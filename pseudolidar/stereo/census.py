@@ -14,9 +14,8 @@ from pseudolidar.stereo.disparity_range import (
     check_range,
     disparity_range,
 )
-from pseudolidar.stereo.matcher import DEFAULT_MIN_DEPTH_M
 from pseudolidar.stereo.sigma_model import SigmaModel
-from pseudolidar.structures.disparity import DisparityMap
+from pseudolidar.structures.disparity import DEFAULT_MIN_DEPTH_M, DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 
 if TYPE_CHECKING:

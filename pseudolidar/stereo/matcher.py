@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from pseudolidar.structures.disparity import DisparityMap
+from pseudolidar.structures.disparity import DEFAULT_MIN_DEPTH_M, DisparityMap
 from pseudolidar.structures.frame import StereoFrame
-
-DEFAULT_MIN_DEPTH_M = 3.0
 
 
 class StereoMatcher(Protocol):
@@ -15,3 +13,10 @@ class StereoMatcher(Protocol):
 
     def __call__(self, frame: StereoFrame) -> DisparityMap:
         """Disparity of the left image of `frame`, with sigma where the matcher estimates it."""
+
+
+class MatcherSettings(Protocol):
+    """Settings of a matcher."""
+
+    def load(self, *, min_depth_m: float = DEFAULT_MIN_DEPTH_M) -> StereoMatcher:
+        """The matcher, with everything heavy loaded, that searches down to a depth (m)."""

@@ -11,9 +11,8 @@ import numpy as np
 from pseudolidar.errors import StereoConfig
 from pseudolidar.geometry.grey import grey8_pair
 from pseudolidar.stereo.disparity_range import check_min_depth, check_range, disparity_range
-from pseudolidar.stereo.matcher import DEFAULT_MIN_DEPTH_M
 from pseudolidar.structures.arrays import AnyArray, Float32, UInt8
-from pseudolidar.structures.disparity import DisparityMap
+from pseudolidar.structures.disparity import DEFAULT_MIN_DEPTH_M, DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 
 if TYPE_CHECKING:

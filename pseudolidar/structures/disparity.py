@@ -8,6 +8,8 @@ import numpy as np
 
 from pseudolidar.structures.arrays import Bool, Float32, check_array
 
+# Nearest depth that is looked for where neither user nor data say one, m.
+DEFAULT_MIN_DEPTH_M = 3.0
 # Share of errors that one sigma holds: that of a normal distribution.
 ONE_SIGMA_SHARE = 0.6827
 # Ratio of the 95 % radius to sigma (68 %). Errors have heavy tails: a Gaussian would have 1.96.

@@ -113,7 +113,6 @@ def test_ghosts_are_counted_by_their_own_range():
     assert before.counts(strays=True) == (GhostCount(1, 2), GhostCount(1, 0))
     total = GhostCount.total(before.counts())
     assert total == GhostCount(2, 2)
-    assert GhostCount(1, 2).left_of(total) == (0.5, 1.0)
 
 
 def test_ground_truth_acquits_what_the_scan_missed():

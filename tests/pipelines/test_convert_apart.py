@@ -15,6 +15,7 @@ from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.points.npz import encode_npz
 from pseudolidar.formats.points.pcd import encode_pcd
 from pseudolidar.structures.cloud import PointCloud
+from tests.pipelines.conftest import write_drive
 from tests.recordings import (
     START_NS,
     named_clouds,
@@ -128,3 +129,49 @@ def test_what_lies_beside_may_stay_there(
         assert len([name for name in after if name.endswith(f".{to}")]) == 2
     monkeypatch.chdir(tmp_path / "npz")
     assert main(["convert", ".", ".", "--to", "ply", "--frames", "0:2"]) == 0
+
+
+def test_a_comparison_never_removes_what_it_compares(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its output folder is the one that holds the source, or the reference."""
+    assert main(["synth", str(tmp_path / "a"), "--layout", "stereo", "--frames", "1"]) == 0
+    theirs = tmp_path / "b"
+    args = ["convert", str(tmp_path / "a"), str(theirs), "--to", "disparity"]
+    assert main(args) == 0
+    before = contents(tmp_path)
+    for source, out, reference in (
+        (tmp_path / "a", tmp_path / "a", "scan"),
+        (tmp_path / "a", theirs, theirs / "disparity"),
+    ):
+        capsys.readouterr()
+        wanted = ["--out", str(out), "--reference", str(reference), "--overwrite", "--json"]
+        assert main(["compare", str(source), *wanted]) == 2
+        assert "holds what is read" in json.loads(capsys.readouterr().out)["error"]["got"]
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("verb", [["convert", "--to", "pcd"], ["compare", "--to", "pcd"]])
+def test_data_that_an_earlier_run_made_are_not_removed_from_under_it(
+    verb: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The journal of `synth` names the pictures that are then the source."""
+    data = tmp_path / "data"
+    assert main(["synth", str(data), "--layout", "stereo", "--frames", "1"]) == 0
+    before = contents(data)
+    capsys.readouterr()
+    name, *flags = verb
+    place = ["--out", str(data)] if name == "compare" else [str(data)]
+    assert main([name, str(data), *place, *flags, "--overwrite", "--json"]) == 2
+    assert "holds what is read" in json.loads(capsys.readouterr().out)["error"]["got"]
+    assert contents(data) == before
+
+
+def test_clouds_beside_the_pictures_are_made_anew(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive = write_drive(tmp_path / "drive", 2)
+    for to in ("pcd", "ply"):
+        assert main(["convert", str(drive), str(drive), "--to", to, "--overwrite"]) == 0
+    assert not list((drive / "pcd").glob("*.pcd"))
+    assert len(list((drive / "ply").glob("*.ply"))) == 2

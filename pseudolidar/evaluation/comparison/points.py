@@ -53,13 +53,6 @@ class ComparedPoints:
             sigma_px=joined(sigmas) if frames and len(sigmas) == len(frames) else None,
         )
 
-    @classmethod
-    def of_depths(cls, depth_m: Float64, reference_m: Float64) -> ComparedPoints:
-        """Depths (N,) of one frame with their references, where nobody knows disparities."""
-        unknown = np.full(len(depth_m), np.nan)
-        frame = np.zeros(len(depth_m), np.int64)
-        return cls(1, frame, reference_m, depth_m, unknown, unknown, unknown)
-
     def __len__(self) -> int:
         return len(self.reference_m)
 

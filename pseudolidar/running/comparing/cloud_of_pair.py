@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pseudolidar.evaluation.cloud_distances import CloudDistances
 from pseudolidar.evaluation.scan_distances import distances_to_scan
 from pseudolidar.running.comparing.clouds import MOST_ASKED
-from pseudolidar.running.comparing.match_frame import MatchFrame
 from pseudolidar.running.comparing.references import Reference
+from pseudolidar.running.matching import MatchFrame
 from pseudolidar.stereo.reproject import Reprojector
 from pseudolidar.structures.frame import StereoFrame
 
@@ -37,7 +37,7 @@ class CompareCloudOfPair:
         found = self.reference(frame)
         if found is None:
             return None
-        cloud = self.reproject(found, self.match(found))
+        cloud = self.reproject(found, self.match.disparity(found))
         kept = self.reproject.settings
         range_m = kept.min_range_m, kept.max_range_m
         return distances_to_scan(cloud, found, range_m=range_m, most=MOST_ASKED)

@@ -54,6 +54,11 @@ class ComparedOutputs:
         return TOGETHER in self.kinds
 
     @property
+    def folders(self) -> tuple[str, ...]:
+        """Folders in the output folder that are written to."""
+        return (*self.coloured.folders, *([TOGETHER] if self.together else []))
+
+    @property
     def coloured(self) -> Outputs:
         """The files and the recording of coloured clouds."""
         return Outputs(tuple(kind for kind in self.kinds if kind != TOGETHER))

@@ -10,6 +10,7 @@ from typing import Any
 from pseudolidar.evaluation.comparison.comparison import Comparison
 from pseudolidar.evaluation.comparison.figures import DepthFigures
 from pseudolidar.running.results import RunResult
+from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
 
 # Narrow enough for 80 columns: percent signs stand in the head alone.
@@ -163,3 +164,11 @@ def diagnosis_lines(compared: Comparison) -> list[str]:
     if compared.diagnosis is not None:
         lines = ["diagnosis:", *(f"  {line}" for line in compared.diagnosis.text().splitlines())]
     return lines if compared.timing is None else [*lines, f"  {compared.timing.text}"]
+
+
+def rig_note(rig: StereoRig) -> str:
+    """Whether the rig was corrected, and its systematic error inside sigma."""
+    if rig.correction is None:
+        return f"rig as it came; systematic error in sigma {rig.systematic_sigma_px:g} px"
+    corrected = f"rig corrected ({rig.correction.origin or 'origin unknown'})"
+    return f"{corrected}; systematic error in sigma {rig.systematic_sigma_px:.2f} px"
