@@ -64,7 +64,7 @@ def keep_writing(path):
 
 
 def said_it_changed(read, path):
-    """Whether a reading met the writer, which gets no time at all in some readings on a busy machine."""
+    """Whether a reading met the writer, which gets no time in some readings on a busy machine."""
     try:
         read(path)
     except InputChanged:
