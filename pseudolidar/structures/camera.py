@@ -11,6 +11,7 @@ from pseudolidar.errors import CalibrationSizeMismatch, CalibrationValue, NotRec
 from pseudolidar.structures.arrays import Float64, check_array
 from pseudolidar.structures.correction import DisparityCorrection, RowCorrection, SigmaScale
 from pseudolidar.structures.pose import Pose
+from pseudolidar.structures.quality import CalibrationQuality
 
 # Systematic disparity error of a rig whose calibration nobody checked, px (measured on KITTI: about
 # 0.5 px at range).
@@ -99,6 +100,7 @@ class StereoRig:
         rows: difference of rows that rectification left in the pictures. Sources put it right as
             they load a pair; the rig of such a frame has none.
         origin: where the calibration comes from, in words.
+        quality: how good the calibration is, where it tells.
 
     Raises:
         CalibrationValue: baseline zero or of the wrong sign.
@@ -112,6 +114,7 @@ class StereoRig:
     correction: DisparityCorrection | None = None
     origin: str = ""
     rows: RowCorrection | None = None
+    quality: CalibrationQuality | None = None
 
     def __post_init__(self) -> None:
         t_m = self.T_right_left.translation_m
@@ -221,13 +224,19 @@ class StereoRig:
         self.left.check_size(width_px, height_px)
 
     def scaled_to(self, width_px: int, height_px: int) -> StereoRig:
-        """The rig for images resized to (width_px, height_px), pixel centres at integers."""
+        """The rig for images resized to (width_px, height_px), pixel centres at integers.
+
+        A right camera of another size is resized by the same ratios.
+        """
+        x_ratio, y_ratio = width_px / self.left.width_px, height_px / self.left.height_px
+        right_px = round(self.right.width_px * x_ratio), round(self.right.height_px * y_ratio)
         return replace(
             self,
             left=_scaled(self.left, width_px, height_px),
-            right=_scaled(self.right, width_px, height_px),
-            correction=self.correction and self.correction.scaled(width_px / self.left.width_px),
-            rows=self.rows and self.rows.scaled(height_px / self.left.height_px),
+            right=_scaled(self.right, *right_px),
+            correction=self.correction and self.correction.scaled(x_ratio),
+            rows=self.rows and self.rows.scaled(y_ratio),
+            quality=self.quality and self.quality.scaled(x_ratio, y_ratio),
         )
 
 

@@ -49,10 +49,10 @@ def number(node: Node) -> float:
     return float(node.value)
 
 
-def count(node: Node) -> int:
-    """A whole number of pixels, at least 1."""
+def count(node: Node, of: str = "pixels") -> int:
+    """A whole number, at least 1."""
     if isinstance(node.value, bool) or not isinstance(node.value, int) or node.value < 1:
-        raise wrong(node, "a whole number of pixels, 1 or more")
+        raise wrong(node, f"a whole number of {of}, 1 or more")
     return node.value
 
 

@@ -35,6 +35,7 @@ from pseudolidar.formats.rigs.rig_parts import (
     optional_pose,
     rows,
 )
+from pseudolidar.formats.rigs.rig_quality import quality, quality_fields
 from pseudolidar.formats.rigs.strict_json import parse_json
 from pseudolidar.formats.text import read_lines
 from pseudolidar.structures.camera import Camera, StereoRig
@@ -52,6 +53,7 @@ OPTIONAL = (
     "T_velodyne_imu",
     "correction",
     "rows",
+    "quality",
 )
 # Seven digits of a rotation are enough for this; beyond it the numbers were rounded.
 ROUNDED_ROTATION = 1e-6
@@ -109,6 +111,7 @@ def parse_rig(document: str, path: str | Path) -> StereoRig:
             T_velodyne_imu=optional_pose(fields, "T_velodyne_imu", VELODYNE, IMU),
             correction=correction(fields["correction"]) if "correction" in fields else None,
             rows=rows(fields["rows"]) if "rows" in fields else None,
+            quality=quality(fields["quality"]) if "quality" in fields else None,
             origin=text(fields["origin"]) if "origin" in fields else "",
         )
     except PseudolidarError as error:
@@ -153,6 +156,8 @@ def rig_text(rig: StereoRig) -> str:
             }
     if rig.correction is not None:
         fields["correction"] |= _uncertainty_fields(rig.correction)
+    if rig.quality is not None:
+        fields["quality"] = quality_fields(rig.quality)
     return _pretty(fields) + "\n"
 
 
@@ -169,7 +174,7 @@ def _uncertainty_fields(correction: DisparityCorrection) -> dict[str, Any]:
 
 
 def rig_notes(rig: StereoRig) -> tuple[str, ...]:
-    """What is worth saying about a rig: rotations that were rounded, corrections that it has."""
+    """What is worth saying about a rig: rotations that were rounded, corrections, quality."""
     poses = (rig.T_right_left, rig.T_left_velodyne, rig.T_velodyne_imu)
     errors = {
         f"T_{pose.dst}_{pose.src}": rotation_error(pose.matrix[:3, :3]) for pose in poses if pose
@@ -182,6 +187,8 @@ def rig_notes(rig: StereoRig) -> tuple[str, ...]:
     if rig.correction is not None:
         origin = rig.correction.origin or "unknown origin"
         notes.append(f"refined rig: leaves {rig.correction.residual_px:.2f} px ({origin})")
+    if rig.quality is not None and str(rig.quality):
+        notes.append(f"calibration: {rig.quality}")
     return tuple(notes)
 
 
