@@ -70,7 +70,9 @@ def _check_pair(owner: str, left: AnyArray, right: AnyArray) -> None:
 
 @dataclass(frozen=True, eq=False)
 class RawPair:
-    """An unrectified pair.
+    """An unrectified pair with what its source knows about it.
+
+    What is known by the pixel of a rectified picture (labels, ground truth) it cannot have.
 
     Args:
         left: (H, W) grey or (H, W, 3) RGB, uint8 or uint16.
@@ -79,6 +81,10 @@ class RawPair:
         id: the source's name of the frame.
         index: position in the source.
         timestamp_ns: time of the picture.
+        scan: LiDAR scan of the same moment.
+        pose: ground truth `T_map_base_link`.
+        motion: of `base_link`, as an IMU measured it.
+        notes: what was odd about it, for the report.
     """
 
     left: Image
@@ -87,6 +93,10 @@ class RawPair:
     id: str
     index: int
     timestamp_ns: int
+    scan: LidarScan | None = None
+    pose: Pose | None = None
+    motion: BodyMotion | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         _check_pair("RawPair", self.left, self.right)
