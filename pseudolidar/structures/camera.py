@@ -145,8 +145,11 @@ class StereoRig:
         t_m = np.abs(self.T_right_left.translation_m)
         along_row = max(t_m[1], t_m[2]) <= RECTIFIED_OFF_AXIS * t_m[0]
         undistorted = not (self.left.distortion.any() or self.right.distortion.any())
+        flat = self.left.model == self.right.model == "pinhole"
         return bool(
             self.rectified_rotation
+            and self.left.size_px == self.right.size_px
+            and flat
             and same_rows
             and same_focal
             and no_skew
@@ -222,6 +225,11 @@ class StereoRig:
     def check_size(self, width_px: int, height_px: int) -> None:
         """Raise `CalibrationSizeMismatch` unless images of this size belong to the rig."""
         self.left.check_size(width_px, height_px)
+
+    def check_sizes(self, left_px: tuple[int, int], right_px: tuple[int, int]) -> None:
+        """Raise `CalibrationSizeMismatch` unless images of these sizes belong to the two eyes."""
+        self.left.check_size(*left_px)
+        self.right.check_size(*right_px)
 
     def scaled_to(self, width_px: int, height_px: int) -> StereoRig:
         """The rig for images resized to (width_px, height_px), pixel centres at integers.

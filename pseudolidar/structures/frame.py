@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.errors import NotRectified, PairMismatch, StructureError
-from pseudolidar.structures.arrays import AnyArray, Float32, Image, Int64, check_array
+from pseudolidar.structures.arrays import AnyArray, Bool, Float32, Image, Int64, check_array
 from pseudolidar.structures.box import Label
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.disparity import DisparityMap
@@ -49,13 +49,16 @@ class LidarScan:
         return len(self.xyz)
 
 
-def _check_pair(owner: str, left: AnyArray, right: AnyArray) -> None:
-    for name, image in (("left", left), ("right", right)):
-        if image.ndim == 3:
-            check_array(owner, name, image, (None, None, 3), np.uint8, np.uint16)
-        else:
-            check_array(owner, name, image, (None, None), np.uint8, np.uint16)
-    if left.shape != right.shape or left.dtype != right.dtype:
+def _check_image(owner: str, name: str, image: AnyArray) -> None:
+    shape = (None, None, 3) if image.ndim == 3 else (None, None)
+    check_array(owner, name, image, shape, np.uint8, np.uint16)
+
+
+def _check_pair(owner: str, left: AnyArray, right: AnyArray, *, same_size: bool) -> None:
+    _check_image(owner, "left", left)
+    _check_image(owner, "right", right)
+    kinds = [image.shape[0 if same_size else 2 :] for image in (left, right)]
+    if kinds[0] != kinds[1] or left.dtype != right.dtype:
 
         def described(image: AnyArray) -> str:
             channels = 1 if image.ndim == 2 else image.shape[2]
@@ -63,7 +66,7 @@ def _check_pair(owner: str, left: AnyArray, right: AnyArray) -> None:
 
         raise PairMismatch(
             f"left {described(left)}; right {described(right)}",
-            want="the same size, channels and depth",
+            want=f"the same {'size, ' if same_size else ''}channels and depth",
             fix="Check that both images belong to the same moment and camera mode.",
         )
 
@@ -76,15 +79,19 @@ class RawPair:
 
     Args:
         left: (H, W) grey or (H, W, 3) RGB, uint8 or uint16.
-        right: like left.
-        rig: the cameras with their distortion.
+        right: like left; of its own size.
+        rig: the cameras with their distortion, each of its image's size.
         id: the source's name of the frame.
         index: position in the source.
         timestamp_ns: time of the picture.
         scan: LiDAR scan of the same moment.
-        pose: ground truth `T_map_base_link`.
+        pose: ground truth `T_map_base_link`; `base_link` is that of the unrectified rig.
         motion: of `base_link`, as an IMU measured it.
         notes: what was odd about it, for the report.
+
+    Raises:
+        PairMismatch: left and right differ in channels or depth.
+        CalibrationSizeMismatch: a camera was calibrated for another image size.
     """
 
     left: Image
@@ -99,7 +106,26 @@ class RawPair:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        _check_pair("RawPair", self.left, self.right)
+        _check_pair("RawPair", self.left, self.right, same_size=False)
+        sizes = ((image.shape[1], image.shape[0]) for image in (self.left, self.right))
+        self.rig.check_sizes(*sizes)
+
+
+@dataclass(frozen=True, eq=False)
+class PairMask:
+    """Which pixels of a rectified pair show something.
+
+    Args:
+        left: (H, W) bool of the left picture.
+        right: (H, W) bool of the right one.
+    """
+
+    left: Bool
+    right: Bool
+
+    def __post_init__(self) -> None:
+        check_array("PairMask", "left", self.left, (None, None), np.bool_)
+        check_array("PairMask", "right", self.right, self.left.shape, np.bool_)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +144,7 @@ class StereoFrame:
         pose: ground truth `T_map_base_link`.
         motion: of `base_link`, as an IMU measured it.
         truth: ground-truth disparity of the left image.
+        mask: which pixels show something, where rectification left some that do not; None for all.
         notes: what was odd about it, for the report ("alpha channel dropped").
 
     Raises:
@@ -138,9 +165,10 @@ class StereoFrame:
     motion: BodyMotion | None = None
     truth: DisparityMap | None = None
     notes: tuple[str, ...] = ()
+    mask: PairMask | None = None
 
     def __post_init__(self) -> None:
-        _check_pair("StereoFrame", self.left, self.right)
+        _check_pair("StereoFrame", self.left, self.right, same_size=True)
         height, width = self.left.shape[:2]
         self.rig.check_size(width, height)
         if not self.rig.is_rectified:
@@ -154,6 +182,12 @@ class StereoFrame:
                 f"ground truth of shape {self.truth.values.shape}",
                 want=f"{(height, width)}",
                 where="StereoFrame.truth",
+            )
+        if self.mask is not None and self.mask.left.shape != (height, width):
+            raise StructureError(
+                f"a mask of shape {self.mask.left.shape}",
+                want=f"{(height, width)}",
+                where="StereoFrame.mask",
             )
 
     @property

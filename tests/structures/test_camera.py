@@ -71,6 +71,17 @@ def test_lens_distortion_is_not_rectified():
     assert not replace(given, left=bent).is_rectified
 
 
+def test_a_fisheye_is_not_rectified_though_its_coefficients_are_zero():
+    given = rig()
+    eyes = (replace(eye, model="fisheye") for eye in (given.left, given.right))
+    assert not StereoRig(*eyes, given.T_right_left).is_rectified
+
+
+def test_eyes_of_two_sizes_are_not_rectified():
+    given = rig()
+    assert not replace(given, right=replace(given.right, width_px=WIDTH + 2)).is_rectified
+
+
 @pytest.mark.parametrize("t_m", [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0)], ids=["none", "exchanged"])
 def test_impossible_baselines_are_refused(t_m):
     with pytest.raises(CalibrationValue, match="baseline"):

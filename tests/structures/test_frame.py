@@ -15,7 +15,7 @@ from pseudolidar.errors import (
 )
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.disparity import DisparityMap
-from pseudolidar.structures.frame import LidarScan, StereoFrame
+from pseudolidar.structures.frame import LidarScan, PairMask, RawPair, StereoFrame
 from pseudolidar.structures.pose import Pose
 
 K = np.array([[50.0, 0, 16], [0, 50.0, 8], [0, 0, 1]])
@@ -72,3 +72,21 @@ def test_truth_of_another_size_is_refused():
 def test_columns_of_a_scan_fit_together(columns):
     with pytest.raises(StructureError):
         LidarScan(**({"xyz": np.zeros((5, 3), np.float32)} | columns))
+
+
+def test_a_raw_pair_has_eyes_of_two_sizes_and_its_own_calibration():
+    bent = replace(RIG.left, distortion=np.array([0.1, 0, 0, 0]))
+    large = Camera(2 * K, 64, 32, frame="camera_right")
+    rig = StereoRig(bent, large, T_RIGHT_LEFT)
+    twice = np.zeros((32, 64), np.uint8)
+    assert RawPair(GREY, twice, rig, "0", 0, 1).right.shape == (32, 64)
+    with pytest.raises(CalibrationSizeMismatch):
+        RawPair(GREY, GREY, rig, "0", 0, 1)
+    with pytest.raises(PairMismatch, match="the same channels"):
+        RawPair(GREY, np.zeros((32, 64, 3), np.uint8), rig, "0", 0, 1)
+
+
+def test_a_mask_of_another_size_is_refused():
+    mask = PairMask(np.ones((16, 31), bool), np.ones((16, 31), bool))
+    with pytest.raises(StructureError, match="mask"):
+        StereoFrame(GREY, GREY, RIG, "0", 0, 1, mask=mask)
