@@ -70,6 +70,7 @@ from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.scans_put_right import Scans
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, clouds_of, pairs_of, tell
+from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.filters.filled_map import Surfaces
@@ -129,6 +130,9 @@ class Compare:
             npz, mcap with the error of each point (error_m, and as colour); together (a PLY of both
             clouds, column source); or none.
         matcher: how disparities are found.
+        balance: give the right picture the brightness, colours, gamma and vignetting of the left
+            one before matching: `auto` for matchers that compare brightness (all but census) where
+            the eyes differ, `always`, `never`.
         clean: what is removed of the disparities because it is no surface; `none` keeps all.
         temporal: how disparities are fused with those of the frames before; needs poses.
         smooth: how disparities are smoothed before they are judged.
@@ -168,6 +172,7 @@ class Compare:
     bins: DepthBins = DEFAULT_BINS
     to: ComparedOutputs = field(default_factory=lambda: ComparedOutputs(("pcd",)))
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
+    balance: BalanceWhen = "auto"
     clean: Clean | None = field(default_factory=Clean)
     temporal: Kalman | None = None
     smooth: Fgs | None = None
@@ -429,7 +434,13 @@ def matching(job: Compare, source: FrameSequence[StereoFrame]) -> MatchFrame:
     refining = Refining(job.temporal, job.smooth, job.fill)
     given = given_maps(job.given, source)
     return MatchFrame.load(
-        source, job.matcher, refining, job.clean, given=given, min_depth_m=job.min_depth
+        source,
+        job.matcher,
+        refining,
+        job.clean,
+        given=given,
+        balance=job.balance,
+        min_depth_m=job.min_depth,
     )
 
 

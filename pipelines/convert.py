@@ -52,6 +52,7 @@ from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, pairs_of, tell
+from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.filters.filled_map import Surfaces
@@ -88,6 +89,9 @@ class Convert:
             ply:ascii, bin, npz, disparity, depth, mcap; kitti (training tree of OpenPCDet and
             MMDetection3D), colmap (cameras, poses and points for splatting tools).
         matcher: how disparities are found.
+        balance: give the right picture the brightness, colours, gamma and vignetting of the left
+            one before matching: `auto` for matchers that compare brightness (all but census) where
+            the eyes differ, `always`, `never`.
         clean: what is removed of the disparities because it is no surface; `none` keeps all. Maps
             given by --disparity and --depth are taken as they are.
         temporal: how disparities are fused with those of the frames before; needs poses.
@@ -141,6 +145,7 @@ class Convert:
     out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out")
     to: Outputs = field(default_factory=lambda: Outputs(("pcd",)))
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
+    balance: BalanceWhen = "auto"
     clean: Clean | None = field(default_factory=Clean)
     temporal: Kalman | None = None
     smooth: Fgs | None = None
@@ -263,7 +268,13 @@ class ConvertFrame:
         given = given_maps(job.given, source)
         refining = Refining(job.temporal, job.smooth, job.fill)
         match = MatchFrame.load(
-            source, job.matcher, refining, job.clean, given=given, min_depth_m=job.min_depth
+            source,
+            job.matcher,
+            refining,
+            job.clean,
+            given=given,
+            balance=job.balance,
+            min_depth_m=job.min_depth,
         )
         paired = source.yields is StereoFrame  # else no kernel is needed, which take a second
         reproject = job.reproject.load() if paired else Reprojector(job.reproject)

@@ -37,6 +37,7 @@ from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.scans_put_right import Scans
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, clouds_of, nearest_depth_m, pairs_of
+from pseudolidar.stereo.balance import BalanceWhen, balanced
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.filters.filled_map import Surfaces
@@ -105,6 +106,9 @@ class Evaluate:
         source: data with ground-truth disparity, or disparity maps: files or folders; to judge
             clouds, pairs with LiDAR scans, or clouds: files, folders, recordings.
         matcher: how disparities are found.
+        balance: give the right picture the brightness, colours, gamma and vignetting of the left
+            one before matching: `auto` for matchers that compare brightness (all but census) where
+            the eyes differ, `always`, `never`.
         temporal: how disparities are fused with those of the frames before; needs poses.
         smooth: how disparities are smoothed before they are judged.
         fill: how holes between matched pixels are filled.
@@ -134,6 +138,7 @@ class Evaluate:
     what: Annotated[Literal["disparity", "cloud"], POSITIONAL]
     source: Annotated[Source | Maps, Recognised(recognise_judged)]
     matcher: Census | Sgbm | Bm | Onnx = Census()
+    balance: BalanceWhen = "auto"
     temporal: Kalman | None = None
     smooth: Fgs | None = None
     fill: Surfaces | None = None
@@ -207,7 +212,8 @@ def run(job: Evaluate) -> DisparityReport | CloudsReport:
 def judge_disparities(job: Evaluate, source: FrameSequence[StereoFrame]) -> DisparityReport:
     """Match and judge every frame that has a truth; then fit and judge in halves."""
     warnings = preflight(source, wanted=job.check, crew=CrewPlan(job.workers))
-    loaded = job.matcher.load(min_depth_m=nearest_depth_m(job.min_depth, source))
+    nearest_m = nearest_depth_m(job.min_depth, source)
+    loaded = balanced(job.matcher, job.balance, min_depth_m=nearest_m)
     matcher = FilteredMatcher(*refining(job).load(loaded, source))
     per_frame = JudgeFrame(matcher, most=max(1, MAX_SAMPLES // max(1, len(source.ids))))
     skipped: list[Skipped] = []
@@ -255,7 +261,9 @@ def judge_clouds(job: Evaluate) -> CloudsReport:
         against = OWN_SCANS if reference is None else other_clouds(reference, clouds)
         return told(job, clouds, against, subject=source.summary.line)
     pairs = pairs_of(source)
-    match = MatchFrame.load(pairs, job.matcher, refining(job), job.clean, min_depth_m=job.min_depth)
+    match = MatchFrame.load(
+        pairs, job.matcher, refining(job), job.clean, balance=job.balance, min_depth_m=job.min_depth
+    )
     scans = OwnReference("scan") if reference is None else other_scans(reference, pairs)
     per_frame = CompareCloudOfPair(match, job.reproject.load(), scans)
     return told(job, pairs, per_frame, subject=f"{described(job.matcher)} on {source.summary.line}")

@@ -26,6 +26,7 @@ from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.scans_put_right import Scans
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSource, nearest_depth_m, pairs_of
+from pseudolidar.stereo.balance import BalanceWhen, balanced
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.camera import StereoRig
@@ -50,6 +51,9 @@ class Refine:
         out: the rig file.
         by: what the fit is based on: `reference` (scans, or ground truth), `motion`, `rows`.
         matcher: how disparities are found; the correction belongs to the rig, not to it.
+        balance: give the right picture the brightness, colours, gamma and vignetting of the left
+            one before matching: `auto` for matchers that compare brightness (all but census) where
+            the eyes differ, `always`, `never`.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         exclude: not these.
         rig: calibration that replaces the source's cameras: a rig.json, OpenCV YAML, XML or JSON,
@@ -73,6 +77,7 @@ class Refine:
     out: Annotated[Path, RUN_ONLY] = Path("rig.json")
     by: Reference | Motion | Rows = field(default_factory=Reference)
     matcher: Census | Sgbm | Bm = field(default_factory=lambda: Census(quality="fine"))
+    balance: BalanceWhen = "auto"
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
     rig: Path | None = None
@@ -98,7 +103,8 @@ def run(job: Refine) -> RefineReport:
     check_place(job.out, overwrite=job.overwrite)
     source, crew = opened(job), CrewPlan(job.workers)
     warnings = preflight(source, wanted=job.check, crew=crew, mends=(ROWS,))
-    matcher = job.matcher.load(min_depth_m=nearest_depth_m(job.min_depth, source))
+    nearest_m = nearest_depth_m(job.min_depth, source)
+    matcher = balanced(job.matcher, job.balance, min_depth_m=nearest_m)
     found: ReferenceRefinement | PictureRefinement
     if isinstance(job.by, Reference):
         aligned = pairs_of(with_rows_aligned(source))

@@ -1,4 +1,4 @@
-"""How differently the eyes are exposed: gain and offset of each channel, at matched points."""
+"""How differently the eyes are exposed: gain, colour, gamma, vignetting, at matched points."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from pseudolidar.calibration.check_finding import Finding
 from pseudolidar.calibration.check_matches import PairMatches
+from pseudolidar.geometry.photometric import PhotometricDifference, fit_difference
 from pseudolidar.structures.arrays import Bool, Float64, Image
 
 EXPOSURE = "exposure"
@@ -15,12 +16,15 @@ PATCH_PX = 9
 # Brightness of the right picture as a share of the left, either way, that gets a warning; and of
 # one channel against another. KITTI, Middlebury and rendered worlds have at most 1.06 and 1.03.
 WARN_RATIO, WARN_CAST = 1.2, 1.1
+# Exponent of one eye's curve against the other's, either way, and the light that one eye's corners
+# lose against the other's, that get a warning.
+WARN_GAMMA, WARN_CORNERS = 1.2, 0.2
 # Patches that touch either end of the range are clipped, and compare nothing; share of the range.
 CLIPPED = 0.02
 CHANNELS = ("red", "green", "blue")
 MEND = (
-    "The census matcher does not mind; for other matchers set both cameras to one exposure, gain "
-    "and white balance."
+    "The census matcher does not mind, and for others such pairs are equalised (--balance); better "
+    "set both cameras to one exposure, gain, white balance and curve."
 )
 
 
@@ -47,14 +51,44 @@ def exposure_found(left: Image, right: Image, matches: PairMatches, inliers: Boo
     names = CHANNELS if len(fits) == len(CHANNELS) else ("grey",)
     for name, (gain, offset), ratio in zip(names, fits, ratios, strict=True):
         figures |= {f"gain_{name}": gain, f"offset_{name}": offset, f"ratio_{name}": float(ratio)}
+    difference = _difference(left, means, at[1])
+    curve, corners = _told(difference, figures)
     ratio = float(np.median(ratios))
     cast = float(ratios.max() / max(ratios.min(), 1e-6))
     text = f"the right picture is {ratio:.2f} times as bright as the left one"
     if cast > WARN_CAST:
         text += f", channels differ by {cast:.2f}"
-    if max(ratio, 1 / max(ratio, 1e-6)) > WARN_RATIO or cast > WARN_CAST:
+    bent = max(curve, 1 / curve) > WARN_GAMMA
+    if bent:
+        text += f", its curve has {curve:.2f} times the gamma"
+    if abs(corners) > WARN_CORNERS:
+        text += f", its corners are {abs(corners):.0%} {'darker' if corners < 0 else 'brighter'}"
+    off = max(ratio, 1 / max(ratio, 1e-6)) > WARN_RATIO or cast > WARN_CAST
+    if off or bent or abs(corners) > WARN_CORNERS:
         return Finding(EXPOSURE, "warn", text, None, MEND, figures)
     return Finding(EXPOSURE, "good", text, None, "", figures)
+
+
+def _difference(
+    left: Image, means: list[Float64], right_px: Float64
+) -> PhotometricDifference | None:
+    height, width = left.shape[:2]
+    middle = np.array([width - 1, height - 1]) / 2
+    radius2 = ((right_px - middle) ** 2).sum(1) / float((middle**2).sum())
+    white = float(np.iinfo(left.dtype).max)
+    return fit_difference(means[0] / white, means[1] / white, radius2)
+
+
+def _told(
+    difference: PhotometricDifference | None, figures: dict[str, float | int | None]
+) -> tuple[float, float]:
+    """Ratio of the gammas and the share of light that corners gain, which go into the figures."""
+    if difference is None:
+        figures |= {"gamma": None, "vignetting": None}
+        return 1.0, 0.0
+    corners = float(np.expm1(difference.vignetting))
+    figures |= {"gamma": difference.gamma, "vignetting": corners}
+    return difference.gamma, corners
 
 
 def gain_offset(left: Float64, right: Float64) -> tuple[float, float]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pseudolidar.running.frame_checks import MIN_DENSITY, check_pair, check_texture
 from pseudolidar.sources.selection import whole
 from pseudolidar.sources.source import FrameSequence, nearest_depth_m, pairs_of
+from pseudolidar.stereo.balance import BalanceWhen, balanced
 from pseudolidar.stereo.filters.clean import Clean, Cleaned, Cleaner
 from pseudolidar.stereo.filters.filled_map import Surfaces
 from pseudolidar.stereo.filters.map_filter import MapFilters
@@ -73,6 +74,7 @@ class MatchFrame:
         clean: Clean | None,
         *,
         given: GivenMaps | None = None,
+        balance: BalanceWhen = "auto",
         min_depth_m: float | None = None,
     ) -> MatchFrame:
         """With everything heavy loaded that the frames of `source` need.
@@ -83,12 +85,14 @@ class MatchFrame:
             refining: what is done to them.
             clean: what is removed of them; of given maps nothing.
             given: maps in place of a matcher.
+            balance: whether the right eye is equalised to the left one before.
             min_depth_m: nearest depth that must be found; None for what the source says.
 
         Raises:
             NoPairs, PoseMissing: as `Refining.load`.
         """
-        found = given or matcher.load(min_depth_m=nearest_depth_m(min_depth_m, source))
+        nearest_m = nearest_depth_m(min_depth_m, source)
+        found = given or balanced(matcher, balance, min_depth_m=nearest_m)
         # Only disparities need the kernels, and these take a second to load.
         cleaned = clean if source.yields is StereoFrame and given is None else None
         least = MIN_DENSITY if given is None else 0.0

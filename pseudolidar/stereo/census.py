@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pseudolidar.errors import StereoConfig
 from pseudolidar.geometry.grey import grey8_pair
@@ -77,6 +77,7 @@ class Census:
     speckle_pixels: int = 200
     speckle_step_px: float = 1.0
     threads: Literal[1, 2] = 1
+    compares_brightness: ClassVar[bool] = False  # only which of two pixels is brighter
 
     def load(self, *, min_depth_m: float = DEFAULT_MIN_DEPTH_M) -> CensusMatcher:
         """The matcher.

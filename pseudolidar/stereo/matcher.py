@@ -18,5 +18,9 @@ class StereoMatcher(Protocol):
 class MatcherSettings(Protocol):
     """Settings of a matcher."""
 
+    @property
+    def compares_brightness(self) -> bool:
+        """Whether its cost is worse where the eyes are exposed differently."""
+
     def load(self, *, min_depth_m: float = DEFAULT_MIN_DEPTH_M) -> StereoMatcher:
         """The matcher, with everything heavy loaded, that searches down to a depth (m)."""

@@ -6,7 +6,7 @@ import logging
 import threading
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -69,6 +69,7 @@ class Onnx:
     sha256: str | None = None
     trial_seconds: float = 300.0
     trial_memory_mb: int = 8192
+    compares_brightness: ClassVar[bool] = True  # they were trained on pairs that are alike
 
     def __post_init__(self) -> None:
         names = ("agreement_px", "iterations", "sigma_scale", "threads", "trial_seconds")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
@@ -55,6 +55,7 @@ class Sgbm:
     speckle_step_px: int = 1
     agreement_px: int = 1
     right_matcher: bool = False
+    compares_brightness: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         _check_block(self.block_size, 1)
@@ -130,6 +131,7 @@ class Bm:
     speckle_step_px: int = 1
     agreement_px: int = 1
     right_matcher: bool = False
+    compares_brightness: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         _check_block(self.block_size, _SMALLEST_BM_BLOCK, _LARGEST_BM_BLOCK)

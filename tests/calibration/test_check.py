@@ -20,6 +20,7 @@ from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.pose import Pose
+from tests.exposed import exposed
 from tests.perturbed import ROWS_OFF, right_moved, swapped, warped
 
 WORLDS = ("street", "room", "flight")
@@ -179,6 +180,25 @@ def test_exposure_and_white_balance(worlds, gains, offset, seen):
     assert exposure.severity == seen
     for name, gain in zip(("red", "green", "blue"), gains, strict=True):
         assert exposure.figures[f"ratio_{name}"] == pytest.approx(gain, abs=0.05)
+    assert exposure.figures["gamma"] == pytest.approx(1.0, abs=0.05)
+    assert exposure.figures["vignetting"] == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("difference", "said"),
+    [
+        ({"gamma": 1.4}, "its curve has 1.3"),
+        ({"vignetting": -0.5}, "% darker"),
+    ],
+)
+def test_another_curve_and_darker_corners(worlds, difference, said):
+    frame = worlds["room"]
+    exposure = found(replace(frame, right=exposed(frame.right, **difference)))["exposure"]
+    assert exposure.severity == "warn"
+    assert said in exposure.text
+    assert exposure.figures["gamma"] == pytest.approx(difference.get("gamma", 1.0), abs=0.08)
+    corners = np.expm1(difference.get("vignetting", 0.0))
+    assert exposure.figures["vignetting"] == pytest.approx(corners, abs=0.06)
 
 
 def test_gain_and_offset_are_those_that_were_put_on():

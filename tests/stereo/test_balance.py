@@ -1,0 +1,95 @@
+"""`--balance`: costs that care for brightness see alike eyes."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pseudolidar.evaluation.disparity import disparity_errors
+from pseudolidar.sources.synthetic import Synthetic
+from pseudolidar.stereo.balance import BalancedMatcher, balanced, measured
+from pseudolidar.stereo.census import Census, CensusMatcher
+from pseudolidar.stereo.sgbm import Bm, Sgbm
+from tests.exposed import CASES, exposed
+
+
+@pytest.fixture(scope="module")
+def pair():
+    return Synthetic("room", frames=1, seed=3, width_px=400).open().load(0)
+
+
+def badly(pair, name):
+    return replace(pair, right=exposed(pair.right, **CASES[name]))
+
+
+def test_the_difference_that_was_put_on_is_measured(pair):
+    scout = Census().load(min_depth_m=1.0)
+    own, found = measured(pair, scout), measured(badly(pair, "together"), scout)
+    assert found.gamma / own.gamma == pytest.approx(1.3, abs=0.05)
+    assert found.vignetting - own.vignetting == pytest.approx(-0.3, abs=0.05)
+    for gain, before, put_on in zip(found.gain, own.gain, (0.84, 0.7, 0.583), strict=True):
+        assert gain / before**1.3 == pytest.approx(put_on, rel=0.06)
+
+
+def found_px(matcher, pair):
+    """Share of the pixels whose disparity is found to one pixel."""
+    errors = disparity_errors(matcher(pair), pair.truth)
+    return (errors.matched - errors.bad[0]) / errors.truth
+
+
+@pytest.mark.parametrize("name", ["gain 0.6", "gamma 0.6", "together"])
+def test_sgbm_finds_what_it_would_have_found(pair, name):
+    usual = found_px(Sgbm().load(min_depth_m=1.0), pair)
+    worse, better = (
+        found_px(balanced(Sgbm(), when, min_depth_m=1.0), badly(pair, name))
+        for when in ("never", "auto")
+    )
+    assert worse < usual - 0.008
+    assert better > usual - 0.002
+
+
+def test_census_does_not_care_and_needs_no_balance(pair):
+    matcher = balanced(Census(), "auto", min_depth_m=1.0)
+    assert isinstance(matcher, CensusMatcher)
+    usual = disparity_errors(matcher(pair), pair.truth)
+    for name in CASES:
+        found = disparity_errors(matcher(badly(pair, name)), pair.truth)
+        assert found.d1_est < usual.d1_est + 0.005, name
+
+
+def test_eyes_that_are_alike_stay_as_they_are(pair):
+    matcher = balanced(Bm(), "auto", min_depth_m=1.0)
+    assert isinstance(matcher, BalancedMatcher)
+    assert matcher.balanced(pair) is pair
+    assert balanced(Bm(), "always", min_depth_m=1.0).balanced(pair) is not pair
+
+
+def test_never_is_never(pair):
+    assert not isinstance(balanced(Sgbm(), "never"), BalancedMatcher)
+
+
+def test_it_goes_to_other_processes(pair):
+    matcher = balanced(Bm(), "auto", min_depth_m=1.0)
+    bad = badly(pair, "gain 0.6")
+    again = pickle.loads(pickle.dumps(matcher))(bad)
+    np.testing.assert_array_equal(matcher(bad).values, again.values)
+
+
+def test_grey_and_16_bit_pictures_are_balanced_too(pair):
+    grey = pair.left[:, :, 1].astype(np.uint16) * 257
+    both = replace(pair, left=grey, right=exposed(pair.right[:, :, 1].astype(np.uint16) * 257))
+    dark = replace(both, right=exposed(both.right, gain=0.6))
+    back = balanced(Sgbm(), "auto", min_depth_m=1.0).balanced(dark)
+    assert back.right.dtype == np.uint16
+    assert np.median(np.abs(back.right.astype(float) - both.right)) < 0.01 * 65535
+
+
+def test_pairs_that_show_nothing_are_left_as_they_are(pair):
+    flat = np.full_like(pair.right, 90)
+    nothing = replace(pair, left=flat, right=flat // 2)
+    assert balanced(Sgbm(), "always", min_depth_m=1.0).balanced(nothing) is nothing
+    small = Synthetic("room", frames=1, width_px=64, height_px=32).open().load(0)
+    balanced(Sgbm(disparities=16), "always").balanced(small)
