@@ -109,6 +109,14 @@ def camera_info() -> list[bytes]:
         return [left.read_bytes(), right.read_bytes()]
 
 
+def projections() -> list[bytes]:
+    """Projection matrices of a pair in brackets, and in rows."""
+    matrices = {"p_left": RIG.P_left, "p_right": RIG.P_right}
+    named = "".join(f"{name} = {P.tolist()}\n" for name, P in matrices.items())
+    rows = "".join(" ".join(map(repr, row)) + "\n" for P in matrices.values() for row in P.tolist())
+    return [named.encode(), rows.encode()]
+
+
 def read_camera(path: Path) -> None:
     """The left camera as it is given, beside a whole right one."""
     right = path.with_name("right.yaml")
@@ -281,6 +289,7 @@ READERS = {
     "k-txt": _rig("K.txt", partial(write_k_txt, rig=RIG)),
     "middlebury": _rig("calib.txt", partial(write_middlebury_calib, rig=RIG, ndisp=33)),
     "kitti-calib": Reader(lambda: [encode_object_calib(RIG)], read_rig, "000000.txt"),
+    "projections": Reader(projections, read_rig, "camera_data.txt"),
     "times": Reader(
         lambda: TIMES, any_of(read_timestamps, read_times, read_time_table), "times.txt"
     ),

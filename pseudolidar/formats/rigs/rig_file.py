@@ -23,6 +23,13 @@ from pseudolidar.formats.rigs.kitti import (
 from pseudolidar.formats.rigs.kitti_calibration import CAMERAS, KittiCalibration
 from pseudolidar.formats.rigs.middlebury import is_middlebury_calib, read_middlebury_calib
 from pseudolidar.formats.rigs.opencv_rig import SUFFIXES, eye_of, read_opencv_rig
+from pseudolidar.formats.rigs.projection_pair import read_projection_pair
+from pseudolidar.formats.rigs.projection_text import (
+    COLUMNS,
+    ROWS,
+    looks_like_projections,
+    read_projections,
+)
 from pseudolidar.formats.rigs.rig_json import missing_rig, read_rig, rig_notes
 from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit
 from pseudolidar.formats.text import read_lines
@@ -31,8 +38,11 @@ from pseudolidar.formats.text import read_lines
 RIG_FILES = ("rig.json", "calib.txt", "K.txt", "k.txt", "intrinsic.txt")
 # Words in the names of YAML, XML and JSON files that hold a camera or a pair.
 _PAIR_WORDS = ("stereo", "calib", "intrinsic", "extrinsic", "camera_info", "cameraparam", "rig")
+# Words in the names of text files that hold the projection matrices of a pair, or of one eye.
+_PROJECTION_WORDS = ("camera", "projection", "p_left", "p_right")
 READ = (
-    "rig.json, OpenCV YAML, XML or JSON, ROS camera_info, K.txt, Middlebury's or KITTI's calib.txt"
+    "rig.json, OpenCV YAML, XML or JSON, ROS camera_info, K.txt, Middlebury's or KITTI's "
+    "calib.txt, two projection matrices as text"
 )
 
 
@@ -44,7 +54,7 @@ def find_rig(folder: Path) -> Path | None:
     for name in RIG_FILES:
         if (folder / name).exists():
             return folder / name
-    files = _storage_files(folder)
+    files = _storage_files(folder) or _projection_files(folder)
     if not files:
         return None
     return next(iter(files.values())) if len(files) == 1 else folder
@@ -89,6 +99,8 @@ def read_any_rig(
         return _storage_file(path, size_px, unit, limits)
     if is_middlebury_calib("\n".join(words)):
         return read_middlebury_calib(path, unit=unit, limits=limits)
+    if looks_like_projections(words):
+        return _projections(path, size_px, unit, limits)
     if KEY.match(first) and not first[:1].isdigit():
         return _kitti(path, size_px, limits)
     if sum(len(line.words()) for line in lines) > 10:
@@ -146,6 +158,8 @@ def _two_files(
             want="a calibration, or LEFT,RIGHT",
             path=missing or paths,
         )
+    if all(_is_projection(file, limits) for file in files):
+        return read_projection_pair(files, size_px=size_px, unit=unit, limits=limits)
     eyes = {"left": files[0], "right": files[1]}
     if all(eye_of(file.name) is None for file in files):
         try:
@@ -167,6 +181,9 @@ def _folder(
     if found != folder:
         return read_any_rig(found, size_px=size_px, unit=unit, limits=limits)
     files = _storage_files(folder)
+    if not files:
+        both = [*_projection_files(folder).values()]
+        return read_projection_pair(both, size_px=size_px, unit=unit, limits=limits)
     return read_opencv_rig(files, path=folder, size_px=size_px, unit=unit, limits=limits)
 
 
@@ -184,6 +201,43 @@ def _storage_files(folder: Path) -> dict[str, Path]:
         elif any(word in file.stem.lower() for word in _PAIR_WORDS):
             found[file.name] = file
     return found
+
+
+def _projection_files(folder: Path) -> dict[str, Path]:
+    """Text files of a folder that may hold projection matrices: one of both, or one for each eye.
+
+    Of a folder with more of them nothing is known.
+    """
+    named = [
+        file
+        for file in sorted(folder.glob("*.txt"))
+        if any(word in file.stem.lower() for word in _PROJECTION_WORDS) and file.is_file()
+    ]
+    eyes = {eye: file for file in named if (eye := eye_of(file.stem)) is not None}
+    if len(eyes) == len(named) == 2:
+        return {"left": eyes["left"], "right": eyes["right"]}
+    return {named[0].name: named[0]} if len(named) == 1 else {}
+
+
+def _is_projection(file: Path, limits: Limits) -> bool:
+    """Whether a text file holds a projection matrix: in rows of four, or of KITTI's kind."""
+    if file.suffix.lower() in SUFFIXES:
+        return False
+    lines = [line.text for line in read_lines(file, error=CalibrationSyntax, limits=limits)]
+    words = [line for line in lines if line.strip(" \t")]
+    in_one_line = len(words) == 1 and len(words[0].split()) == ROWS * COLUMNS
+    return in_one_line or looks_like_projections(words)
+
+
+def _projections(
+    path: Path, size_px: tuple[int, int] | None, unit: RigUnit | None, limits: Limits
+) -> RigReading:
+    """One file: with both matrices, or with one and its partner beside it."""
+    partner = _partner(path) or {}
+    files = [partner["left"], partner["right"]] if {"left", "right"} <= set(partner) else [path]
+    if len(read_projections(path, limits=limits)) == 2:
+        files = [path]
+    return read_projection_pair(files, size_px=size_px, unit=unit, limits=limits)
 
 
 def _kitti(path: Path, size_px: tuple[int, int] | None, limits: Limits) -> RigReading:

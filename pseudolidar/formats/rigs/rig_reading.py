@@ -15,6 +15,7 @@ from pseudolidar.errors import (
     StructureError,
 )
 from pseudolidar.formats.rigs.rig_parts import LARGEST_BASELINE_M, LEFT, RIGHT
+from pseudolidar.geometry.unrectified import why_unrectified
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.pose import Pose, rotation_error
@@ -51,8 +52,9 @@ class RigReading:
             NotRectified: only the unrectified cameras are known.
         """
         if self.rectified is None:
+            why = "" if self.raw is None else "; ".join(why_unrectified(self.raw))
             raise NotRectified(
-                f"a rig of unrectified cameras ({self.form})",
+                f"a rig of unrectified cameras ({self.form})" + (f": {why}" if why else ""),
                 want="the rig of rectified pictures: P1 and P2, projection_matrix, or equal "
                 "focal lengths and rows without distortion",
                 fix="Rectify the pictures and give the rectified rig.",
