@@ -17,6 +17,7 @@ from pseudolidar.formats.mcap.content import McapContent
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.running.apart import check_apart, paths_read
 from pseudolidar.running.bad_frames import OnError
+from pseudolidar.running.comparing.cloud_of_pair import distances_of
 from pseudolidar.running.comparing.clouds import OWN_SCANS, holds_clouds, other_clouds
 from pseudolidar.running.comparing.compared_clouds import compared_clouds
 from pseudolidar.running.comparing.drives import Drives, drives_below, recognise_drives
@@ -385,9 +386,12 @@ class CompareFrame:
         kind, disparity = kind_of(found), self.match.disparity(found)
         against = against_scan if kind == SCAN else against_truth
         compared = against(disparity, found)
+        cloud = self.reproject(found, disparity)
+        if kind == SCAN:
+            distances = distances_of(cloud, found, self.reproject.settings)
+            compared = replace(compared, distances=distances)
         if self.encode is None:
             return Judged(kind, compared.thinned(self.most), Product(()))
-        cloud = self.reproject(found, disparity)
         product = self.encode(found, disparity, cloud, compared)
         return Judged(kind, None, replace(product, figures={AGAINST: kind}))
 

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from pseudolidar.errors import ReferenceMissing
+from pseudolidar.evaluation.cloud_distances import CloudDistances
 from pseudolidar.evaluation.sigma import total_sigma
 from pseudolidar.geometry.projection import ProjectedScan, project_scan
 from pseudolidar.geometry.triangulation import (
@@ -43,6 +44,7 @@ class ComparedFrame:
             edges and holes.
         place_m: (3,) where the rig stood, of `T_map_base_link`; None where nobody knows.
         kind: what the reference is.
+        distances: between the clouds of both, where the reference is one.
     """
 
     id: str
@@ -57,6 +59,7 @@ class ComparedFrame:
     slope: Float64
     place_m: Float64 | None = None
     kind: Literal["scan", "truth"] = "scan"
+    distances: CloudDistances | None = None
 
     def __len__(self) -> int:
         return len(self.reference_m)
@@ -94,7 +97,7 @@ class ComparedFrame:
         return self.every(max(1, -(-len(self) // most)))
 
     def every(self, step: int) -> ComparedFrame:
-        """One of so many points each, evenly over the image."""
+        """One of so many points each, evenly over the image, and of the distances alike."""
         return replace(
             self,
             u=self.u[::step],
@@ -103,6 +106,7 @@ class ComparedFrame:
             disparity_px=self.disparity_px[::step],
             sigma_px=None if self.sigma_px is None else self.sigma_px[::step],
             slope=self.slope[::step],
+            distances=None if self.distances is None else self.distances.every(step),
         )
 
     def samples(self, frame_number: int | None = None) -> DisparitySamples:

@@ -9,6 +9,22 @@ from collections.abc import Iterable, Sequence
 _UNLIMITED = 1000
 
 
+def ruled_text(rows: Sequence[Sequence[str]], *, header: Sequence[str]) -> str:
+    """Columns of numbers, flush right, the last row under a line; as wide as they are.
+
+    Args:
+        rows: texts, one sequence a row, all of one length.
+        header: names of the columns.
+    """
+    every = [header, *rows]
+    widths = [max(map(len, column)) for column in zip(*every, strict=True)]
+    lines = [
+        "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
+        for row in every
+    ]
+    return "\n".join([*lines[:-1], "-" * len(lines[0]), lines[-1]])
+
+
 def table_text(rows: Iterable[Sequence[str]], *, header: Sequence[str] = ()) -> str:
     """Aligned columns; cells are wrapped at the terminal's width.
 

@@ -65,6 +65,10 @@ def test_figures_as_json_and_in_the_folder_are_the_same(street, capsys):
     assert stored["settings"]["matcher"]["kind"] == "census"
     assert stored["bins"] == told["bins"]
     assert stored["by_column"] == told["by_column"]
+    # scans are clouds, too; a resumed or stored run has them as one that writes nothing
+    assert stored["clouds"] == told["clouds"]
+    assert (told["clouds"]["frames"], told["clouds"]["reference"]) == (4, "LiDAR scans")
+    assert 0 < told["clouds"]["bins"][0]["accuracy_median_m"] < 0.1
 
 
 def test_the_table_has_a_row_for_every_frame_and_bin(street):
@@ -143,6 +147,7 @@ def test_the_truth_where_it_is_asked_for(capsys):
     assert told["reference"] == "ground-truth disparities"
     assert told["time_offset"] is None
     assert told["n"] > 50_000
+    assert told["clouds"] is None
 
 
 def test_a_source_without_a_reference_is_refused(drive, capsys):

@@ -25,7 +25,7 @@ from pseudolidar.running.results import RunResult
 from pseudolidar.sources.source import SourceSummary
 
 STREET = ("synthetic:street:8", "--width-px", "480")
-PLOTS = 11
+PLOTS = 13
 SECTIONS = (
     "What was compared",
     "Error by range",
@@ -33,6 +33,7 @@ SECTIONS = (
     "Coverage and large errors",
     "Errors over the picture",
     "Both clouds from above",
+    "Cloud against cloud",
     "Are the stated errors right?",
     "Diagnosis of the rig",
     "Frame by frame",
@@ -90,6 +91,10 @@ class Page(HTMLParser):
             self.headings.append(data)
 
 
+def _every(told: dict) -> list[dict]:
+    return [*told["bins"], told]
+
+
 def test_the_page_has_the_numbers_of_the_json(street):
     text = (street / "report.html").read_text()
     page, stored = Page(text), json.loads((street / "compare.json").read_text())
@@ -118,6 +123,14 @@ def test_the_page_has_the_numbers_of_the_json(street):
         assert [sure[1], sure[3]] == [
             f"{100 * each[n]:.1f}" for n in ("within_1_sigma", "within_95")
         ]
+    (distances,) = (t for t in page.tables if t[0][0] == "range, m")
+    for row, each in zip(distances[1:], _every(stored["clouds"]), strict=True):
+        assert row[5:8] == [
+            f"{each['chamfer_m']:.3f}",
+            f"{100 * each['f_score_0_1']:.1f}",
+            f"{100 * each['f_score_0_2']:.1f}",
+        ]
+        assert row[-1] == f"{each['reference_points']:,}"
     (lead,) = re.findall(r'class="lead">([^<]*)<', text)
     assert f"half of the stereo depths agree with the {stored['reference']} to " in lead
     assert f"{100 * stored['median_rel']:.2f} %" in lead
@@ -264,10 +277,10 @@ def test_drives_and_clouds_have_pages_with_the_numbers_of_their_json(tmp_path):
     assert main(["compare", str(one), str(two), "--out", str(clouds)]) == 0
     text = (clouds / "report.html").read_text()
     stored = json.loads((clouds / "compare.json").read_text())
-    (table,) = (t for t in Page(text).tables if t[0][0] == "range")
-    for row, each in zip(table[1:], [*stored["bins"], stored], strict=True):
+    (table,) = (t for t in Page(text).tables if t[0][0] == "range, m")
+    for row, each in zip(table[1:], _every(stored), strict=True):
         score, length = each["f_score_0_2"], each["chamfer_m"]
-        assert row[5] == ("-" if length is None else f"{length:.3f} m")
-        assert row[7] == ("-" if score is None else f"{100 * score:.1f} %")
+        assert row[5] == ("-" if length is None else f"{length:.3f}")
+        assert row[7] == ("-" if score is None else f"{100 * score:.1f}")
     assert f"{stored['accuracy_median_m']:.3f} m" in text or stored["accuracy_median_m"] >= 1
     assert len(Page(text).pictures) == 2

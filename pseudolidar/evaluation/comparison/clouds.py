@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pseudolidar.evaluation.cloud_distances import CloudDistances
+from pseudolidar.evaluation.compared import ComparedFrame
 from pseudolidar.evaluation.comparison.bins import DEFAULT_BINS, DepthBins, in_bin
 from pseudolidar.evaluation.comparison.bootstrap import FrameBootstrap, Interval, interval
 from pseudolidar.evaluation.comparison.figures import Pooled, Resampled, Statistics
@@ -81,6 +82,23 @@ class CloudComparison:
                 for bin_m, each in zip(self.bins, self.by_range, strict=True)
             ],
         }
+
+
+def clouds_of_frames(
+    frames: Sequence[ComparedFrame], *, subject: str = "", reference: str = "", bins: DepthBins
+) -> CloudComparison | None:
+    """The figures of those frames that have distances between clouds; None where none has.
+
+    Args:
+        frames: that were compared.
+        subject: what was compared, one line.
+        reference: with what.
+        bins: of the range from the sensor.
+    """
+    found = [frame.distances for frame in frames if frame.distances is not None]
+    if not found:
+        return None
+    return compare_clouds(found, subject=subject, reference=reference, bins=bins)
 
 
 def compare_clouds(

@@ -11,6 +11,7 @@ import numpy as np
 from pseudolidar.evaluation.compared import ComparedFrame
 from pseudolidar.evaluation.comparison.bins import DEFAULT_BINS, DepthBins, in_bin
 from pseudolidar.evaluation.comparison.bootstrap import FrameBootstrap
+from pseudolidar.evaluation.comparison.clouds import CloudComparison, clouds_of_frames
 from pseudolidar.evaluation.comparison.figures import (
     DepthFigures,
     RangeFigures,
@@ -66,6 +67,7 @@ class Comparison:
         diagnosis: what is wrong with the rig; None where there are too few points.
         timing: whether scans are of another moment; None unless they are scans, and the source
             has poses.
+        clouds: distances between the clouds of both; None where the reference is no cloud.
     """
 
     subject: str
@@ -80,6 +82,7 @@ class Comparison:
     per_frame: tuple[FrameFigures, ...]
     diagnosis: Diagnosis | None
     timing: TimeOffset | None
+    clouds: CloudComparison | None
 
     def as_dict(self) -> dict[str, Any]:
         """Pooled figures first, then bins, profiles, sigma and causes."""
@@ -94,6 +97,7 @@ class Comparison:
             "sparsification": self.sparsification and self.sparsification.as_dict(),
             "diagnosis": diagnosis and {"text": diagnosis.text(), **diagnosis.as_dict()},
             "time_offset": self.timing and self.timing.as_dict(),
+            "clouds": self.clouds and self.clouds.as_dict(),
         }
 
 
@@ -153,6 +157,7 @@ def compare_frames(
         per_frame=tuple(_of_frame(points, number, f, bins) for number, f in enumerate(frames)),
         diagnosis=diagnose(frames),
         timing=timing,
+        clouds=clouds_of_frames(frames, subject=subject, reference=reference, bins=bins),
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 from pseudolidar.evaluation.compared import ComparedFrame
 from pseudolidar.evaluation.comparison.bins import DepthBins, in_bin
 from pseudolidar.evaluation.comparison.bootstrap import FrameBootstrap
+from pseudolidar.evaluation.comparison.clouds import CloudComparison, clouds_of_frames
 from pseudolidar.evaluation.comparison.comparison import Comparison, dict_of
 from pseudolidar.evaluation.comparison.figures import (
     DepthFigures,
@@ -27,16 +28,19 @@ class PooledFigures:
         bins: of the reference's depth.
         overall: of all points from the first bin to the last.
         by_range: of every bin.
+        clouds: distances between the clouds of both; None where no reference is a cloud.
     """
 
     frames: int
     bins: DepthBins
     overall: DepthFigures
     by_range: tuple[RangeFigures, ...]
+    clouds: CloudComparison | None
 
     def as_dict(self) -> dict[str, Any]:
         """Pooled figures and bins, as those of a single comparison."""
-        return {"frames": self.frames, **dict_of(self.bins, self.overall, self.by_range)}
+        figures = dict_of(self.bins, self.overall, self.by_range)
+        return {"frames": self.frames, **figures, "clouds": self.clouds and self.clouds.as_dict()}
 
 
 class PointPool:
@@ -64,6 +68,6 @@ class PointPool:
         points = points[in_bin(points.reference_m, bins.range_m)]
         bootstrap = FrameBootstrap(points.frames)
         overall = depth_figures(points, bootstrap)
-        return PooledFigures(
-            points.frames, bins, overall, figures_by_range(points, bins, bootstrap)
-        )
+        by_range = figures_by_range(points, bins, bootstrap)
+        clouds = clouds_of_frames(self._frames, bins=bins)
+        return PooledFigures(points.frames, bins, overall, by_range, clouds)

@@ -9,7 +9,8 @@ from pseudolidar.evaluation.scan_distances import distances_to_scan
 from pseudolidar.running.comparing.clouds import MOST_ASKED
 from pseudolidar.running.comparing.references import Reference
 from pseudolidar.running.matching import MatchFrame
-from pseudolidar.stereo.reproject import Reprojector
+from pseudolidar.stereo.reproject import Reproject, Reprojector
+from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.frame import StereoFrame
 
 
@@ -38,6 +39,19 @@ class CompareCloudOfPair:
         if found is None:
             return None
         cloud = self.reproject(found, self.match.disparity(found))
-        kept = self.reproject.settings
-        range_m = kept.min_range_m, kept.max_range_m
-        return distances_to_scan(cloud, found, range_m=range_m, most=MOST_ASKED)
+        return distances_of(cloud, found, self.reproject.settings)
+
+
+def distances_of(cloud: PointCloud, frame: StereoFrame, kept: Reproject) -> CloudDistances:
+    """Distances between the cloud of a pair and its scan, at the ranges that clouds hold.
+
+    Args:
+        cloud: of this frame, in the left camera's frame.
+        frame: with a scan.
+        kept: which pixels became points.
+
+    Raises:
+        CalibrationField: nobody knows where the scan was taken.
+    """
+    range_m = kept.min_range_m, kept.max_range_m
+    return distances_to_scan(cloud, frame, range_m=range_m, most=MOST_ASKED)

@@ -6,14 +6,13 @@ from pathlib import Path
 
 from pseudolidar import __version__
 from pseudolidar.evaluation.comparison.clouds import CloudComparison
-from pseudolidar.evaluation.comparison.plots.clouds import distances_plot, scores_plot
-from pseudolidar.evaluation.page import KeyFigure, Picture, PictureRow, Section, render_page
+from pseudolidar.evaluation.page import KeyFigure, Section, render_page
 from pseudolidar.formats.atomic import write_atomic
-from pseudolidar.running.reports.clouds_report import HEADER, CloudsReport, rows_of
+from pseudolidar.running.reports.clouds_report import CloudsReport
+from pseudolidar.running.reports.clouds_sections import clouds_section
 from pseudolidar.running.reports.comparison_page import PAGE_PX
-from pseudolidar.running.reports.comparison_report import percent
-from pseudolidar.running.reports.comparison_words import counted, metres
 from pseudolidar.running.reports.conversion_page import REPORT_NAME
+from pseudolidar.running.reports.numbers import counted, metres, percent
 
 
 def write_clouds_page(folder: Path, report: CloudsReport) -> Path:
@@ -47,20 +46,6 @@ def clouds_page(report: CloudsReport) -> bytes:
         (len(report.result.skipped), "skipped"),
     ):
         frames += [f"{count} {why}"] if count else []
-    plots = PictureRow(
-        (
-            Picture.plot(
-                distances_plot(compared.by_range, compared.bins),
-                "Accuracy: from our points to the reference. Completeness: from the reference to "
-                "our points. Whiskers hold 95 % of resamples of the frames.",
-            ),
-            Picture.plot(
-                scores_plot(compared.by_range, compared.bins),
-                "Harmonic mean of the shares of points, of either cloud, that have a neighbour in "
-                "the other one within the radius.",
-            ),
-        )
-    )
     sections = [
         Section(
             "What was compared",
@@ -72,13 +57,7 @@ def clouds_page(report: CloudsReport) -> bytes:
                 ("made by", f"pseudolidar {__version__}"),
             ],
         ),
-        Section(
-            "Distances by range",
-            "In the common view of both, by the range of each point from the sensor.",
-            table=rows_of(compared),
-            header=HEADER,
-            pictures=[plots],
-        ),
+        clouds_section(compared, title="Distances by range"),
     ]
     return render_page(
         "Clouds against clouds",

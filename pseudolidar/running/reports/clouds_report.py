@@ -8,20 +8,25 @@ from pathlib import Path
 from typing import Any
 
 from pseudolidar.evaluation.comparison.clouds import F_RADII_M, CloudComparison, CloudFigures
-from pseudolidar.running.reports.comparison_report import percent
+from pseudolidar.running.reports.numbers import bare, bare_metres, counted
 from pseudolidar.running.results import RunResult
-from pseudolidar.running.table import table_text
+from pseudolidar.running.table import ruled_text
 
+# Narrow enough for 80 columns: units stand in the head alone.
 HEADER = (
-    "range",
-    "accuracy",
-    "(median)",
-    "completeness",
-    "(median)",
-    "chamfer",
-    *(f"F {radius:g} m" for radius in F_RADII_M),
+    "range m",
+    "acc. m",
+    "half",
+    "comp. m",
+    "half",
+    "cham. m",
+    *(f"F{radius:g}%" for radius in F_RADII_M),
     "points",
-    "reference",
+)
+LEGEND = (
+    "nearest neighbours in the common view, by each point's range: mean distance of",
+    "our points to the reference (accuracy; half are nearer than), of its points to",
+    "ours (completeness), the mean of both (chamfer); F-scores at 0.1, 0.2, 0.5 m",
 )
 
 
@@ -65,36 +70,31 @@ class CloudsReport:
         left_out = f", {self.without_reference} without reference" if self.without_reference else ""
         lines = [
             compared.subject,
-            f"{compared.frames} frames against {compared.reference}{left_out}; nearest neighbours "
-            "in the common view, by each point's range",
+            f"{counted(compared.frames, 'frame')} against {compared.reference}{left_out}",
             *(f"  {note}" for note in self.notes),
-            table_text(rows_of(compared), header=HEADER),
+            *cloud_lines(compared),
+            "",
             self.result.text(),
         ]
         return "\n".join([*lines, *(f"  {path}" for path in self.files)])
 
 
-def rows_of(compared: CloudComparison) -> list[tuple[str, ...]]:
-    """Every bin, then all of them, as cells of `HEADER`."""
-    names = [f"{low}-{high} m" for low, high in (*compared.bins, compared.bins.range_m)]
+def cloud_lines(compared: CloudComparison | None) -> list[str]:
+    """A row for every bin, and one for all of them; nothing where no clouds were compared."""
+    if compared is None:
+        return []
+    names = [f"{low}-{high}" for low, high in (*compared.bins, compared.bins.range_m)]
     figures = (*compared.by_range, compared.overall)
-    return [_row(name, each) for name, each in zip(names, figures, strict=True)]
+    rows = [_row(name, each) for name, each in zip(names, figures, strict=True)]
+    return ["", ruled_text(rows, header=HEADER), *LEGEND]
 
 
 def _row(name: str, each: CloudFigures) -> tuple[str, ...]:
-    def metres(figure: str) -> str:
-        value = each.figures[figure]
-        return "-" if value is None else f"{value:.3f} m"
-
+    lengths = ("accuracy_m", "accuracy_median_m", "completeness_m", "completeness_median_m")
     scores = (f"f_score_{radius:g}".replace(".", "_") for radius in F_RADII_M)
     return (
         name,
-        metres("accuracy_m"),
-        metres("accuracy_median_m"),
-        metres("completeness_m"),
-        metres("completeness_median_m"),
-        metres("chamfer_m"),
-        *(percent(each.figures[score], digits=1) for score in scores),
+        *(bare_metres(each.figures[length]) for length in (*lengths, "chamfer_m")),
+        *(bare(each.figures[score], digits=1) for score in scores),
         str(each.n),
-        str(each.reference),
     )

@@ -18,7 +18,8 @@ from pseudolidar.evaluation.comparison.plots.frames import (
 )
 from pseudolidar.evaluation.page import Picture, PictureRow, Section, render_page
 from pseudolidar.formats.atomic import write_atomic
-from pseudolidar.running.reports.comparison_report import ComparisonReport, percent
+from pseudolidar.running.reports.clouds_sections import clouds_section
+from pseudolidar.running.reports.comparison_report import ComparisonReport
 from pseudolidar.running.reports.comparison_sections import (
     bias_sections,
     by_range_sections,
@@ -27,11 +28,11 @@ from pseudolidar.running.reports.comparison_sections import (
     sigma_sections,
 )
 from pseudolidar.running.reports.comparison_words import (
-    counted,
     headline,
     key_figures,
 )
 from pseudolidar.running.reports.conversion_page import REPORT_NAME, rig_rows
+from pseudolidar.running.reports.numbers import counted, percent
 from pseudolidar.running.reports.samples import FrameSample, read_samples
 
 # Frames shown with their photos, and from above.
@@ -84,6 +85,7 @@ def comparison_page(
         *coverage_sections(compared),
         *_photos(compared, samples),
         *_views(compared, samples),
+        *_clouds(compared),
         *sigma_sections(compared),
         *diagnosis_sections(compared),
         *_frames(compared),
@@ -165,6 +167,11 @@ def _views(compared: Comparison, samples: Mapping[str, FrameSample]) -> list[Sec
         "lie on grey."
     )
     return [Section("Both clouds from above", text, pictures=rows)] if rows else []
+
+
+def _clouds(compared: Comparison) -> list[Section]:
+    title = "Cloud against cloud"
+    return [] if compared.clouds is None else [clouds_section(compared.clouds, title=title)]
 
 
 def _frames(compared: Comparison) -> list[Section]:

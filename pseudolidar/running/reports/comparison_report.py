@@ -9,7 +9,10 @@ from typing import Any
 
 from pseudolidar.evaluation.comparison.comparison import Comparison
 from pseudolidar.evaluation.comparison.figures import DepthFigures
+from pseudolidar.running.reports.clouds_report import cloud_lines
+from pseudolidar.running.reports.numbers import bare, counted, percent
 from pseudolidar.running.results import RunResult
+from pseudolidar.running.table import ruled_text
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
 
@@ -82,14 +85,15 @@ class ComparisonReport:
         left_out = f", {self.without_reference} without reference" if self.without_reference else ""
         lines = [
             compared.subject,
-            f"{len(compared.per_frame)} frames against {compared.reference}{left_out}; pooled over "
-            "points, by the reference's depth",
+            f"{counted(len(compared.per_frame), 'frame')} against {compared.reference}{left_out}; "
+            "pooled over points, by the reference's depth",
             *(f"  {note}" for note in self.notes),
             "",
             comparison_table(compared),
             *LEGEND,
             "",
             *overall_lines(compared),
+            *cloud_lines(compared.clouds),
             *diagnosis_lines(compared),
             self.result.text(),
         ]
@@ -100,13 +104,7 @@ def comparison_table(compared: Comparison) -> str:
     """A row for every bin, and one for all of them."""
     rows = [row_of(f"{each.from_m}-{each.to_m}", each.figures) for each in compared.by_range]
     first, last = compared.bins.range_m
-    every = [HEADER, *rows, row_of(f"{first}-{last}", compared.overall)]
-    widths = [max(map(len, column)) for column in zip(*every, strict=True)]
-    lines = [
-        "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
-        for row in every
-    ]
-    return "\n".join([lines[0], *lines[1:-1], "-" * len(lines[0]), lines[-1]])
+    return ruled_text([*rows, row_of(f"{first}-{last}", compared.overall)], header=HEADER)
 
 
 def row_of(name: str, figures: DepthFigures) -> tuple[str, ...]:
@@ -114,27 +112,16 @@ def row_of(name: str, figures: DepthFigures) -> tuple[str, ...]:
     bounds = figures.intervals.get("median_rel")
     return (
         name,
-        _share(figures.median_rel),
+        bare(figures.median_rel),
         "" if bounds is None else f"{100 * bounds[0]:.2f}-{100 * bounds[1]:.2f}",
-        _share(figures.p90_rel),
-        "-" if figures.bias_rel is None else f"{100 * figures.bias_rel:+.2f}",
+        bare(figures.p90_rel),
+        bare(figures.bias_rel, signed=True),
         "-" if figures.rmse_m is None else f"{figures.rmse_m:.2f}",
-        _share(figures.density, digits=1),
+        bare(figures.density, digits=1),
         str(figures.n),
-        _share(figures.within_1_sigma, digits=1),
-        _share(figures.within_95, digits=1),
+        bare(figures.within_1_sigma, digits=1),
+        bare(figures.within_95, digits=1),
     )
-
-
-def _share(share: float | None, *, digits: int = 2) -> str:
-    return "-" if share is None else f"{100 * share:.{digits}f}"
-
-
-def percent(share: float | None, *, digits: int = 2, signed: bool = False) -> str:
-    """A share for people, a dash for none."""
-    if share is None:
-        return "-"
-    return f"{100 * share:{'+' if signed else ''}.{digits}f} %"
 
 
 def overall_lines(compared: Comparison) -> list[str]:

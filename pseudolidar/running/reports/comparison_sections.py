@@ -24,7 +24,6 @@ from pseudolidar.evaluation.comparison.points import ComparedPoints
 from pseudolidar.evaluation.comparison.profiles import DisparityErrorBin
 from pseudolidar.evaluation.diagnosis.diagnosis import Diagnosis
 from pseudolidar.evaluation.page import Picture, PictureRow, Section
-from pseudolidar.running.reports.comparison_report import percent
 from pseudolidar.running.reports.comparison_words import (
     CAUSE_HEADER,
     COVERAGE_HEADER,
@@ -39,6 +38,7 @@ from pseudolidar.running.reports.comparison_words import (
     sigma_table,
     single_table,
 )
+from pseudolidar.running.reports.numbers import percent
 
 
 def by_range_sections(compared: Comparison) -> list[Section]:

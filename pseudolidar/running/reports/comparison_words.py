@@ -10,7 +10,7 @@ from pseudolidar.evaluation.comparison.figures import DepthFigures, RangeFigures
 from pseudolidar.evaluation.comparison.pooled import PooledFigures
 from pseudolidar.evaluation.diagnosis.diagnosis import Diagnosis
 from pseudolidar.evaluation.page import KeyFigure
-from pseudolidar.running.reports.comparison_report import percent
+from pseudolidar.running.reports.numbers import bare, between, counted, metres, percent
 from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
 
 # Shares of errors within one sigma that are off by no more than this are called right.
@@ -192,11 +192,6 @@ def _bins(compared: Figures) -> list[tuple[str, DepthFigures]]:
     return [*rows, (f"all, {low}-{high}", compared.overall)]
 
 
-def bare(share: float | None, *, digits: int = 2, signed: bool = False) -> str:
-    """A share in percent, under a head that says so."""
-    return percent(share, digits=digits, signed=signed).removesuffix(" %")
-
-
 CAUSE_HEADER = ("what is the case", "cause", "size", "looks the same as")
 
 
@@ -263,20 +258,3 @@ def sentence(words: str) -> str:
 def plain(name: str) -> str:
     """An identifier as words."""
     return name.replace("_", " ")
-
-
-def between(bounds: Interval | None, *, digits: int = 2, signed: bool = False) -> str:
-    """An interval of shares in percent, a dash for none."""
-    if bounds is None:
-        return "-"
-    return " to ".join(bare(bound, digits=digits, signed=signed) for bound in bounds)
-
-
-def metres(length_m: float) -> str:
-    """A length for people."""
-    return f"{length_m:.1f} m" if length_m >= 1 else f"{length_m:.3f} m"
-
-
-def counted(n: int, what: str) -> str:
-    """`1 frame`, `2 frames`."""
-    return f"{n:,} {what}{'' if n == 1 else 's'}"

@@ -13,13 +13,13 @@ from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.running.reports.comparison_page import PAGE_PX
 from pseudolidar.running.reports.comparison_words import (
     RANGE_HEADER,
-    counted,
     headline,
     key_figures,
     range_table,
 )
 from pseudolidar.running.reports.conversion_page import REPORT_NAME
 from pseudolidar.running.reports.drives_report import DrivesReport
+from pseudolidar.running.reports.numbers import counted
 
 
 def write_drives_page(folder: Path, report: DrivesReport) -> Path:

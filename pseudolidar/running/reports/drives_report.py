@@ -10,7 +10,8 @@ from typing import Any
 from pseudolidar.errors import ALL_DONE, SOME_SKIPPED, PseudolidarError, printable
 from pseudolidar.evaluation.comparison.comparison import Comparison
 from pseudolidar.evaluation.comparison.pooled import PooledFigures
-from pseudolidar.running.reports.comparison_report import ComparisonReport, percent
+from pseudolidar.running.reports.comparison_report import ComparisonReport
+from pseudolidar.running.reports.numbers import percent
 from pseudolidar.running.table import table_text
 
 
