@@ -39,8 +39,9 @@ class Refine:
     Every later command applies it when it is given `--rig rig.json`, and says so. Fitted is the
     smooth error of the disparities, to LiDAR scans or ground truth; the table says what that is
     worth on frames outside the fit. Without a LiDAR the motion of a sequence tells the offset of
-    its disparities, and points that both eyes see tell how rows differ; the scale of the depths
-    cannot be seen that way, and stays as it is.
+    its disparities, and points that both eyes see tell how rows differ. The scale of the depths
+    cannot be seen that way: it follows surveyed poses (GPS, IMU) of the source, and without those
+    near depths stay as they were calibrated (`--by.scale`).
 
         pseudolidar refine training --frames 0::2 --out rig.json
         pseudolidar refine 2011_09_26_drive_0002_sync --by motion --out rig.json

@@ -9,6 +9,7 @@ import numpy as np
 
 from pseudolidar.calibration.far_points import FarPoints, far_disparities
 from pseudolidar.calibration.motion_fit import MotionFit, fitted
+from pseudolidar.calibration.motion_scale import ScaleFrom
 from pseudolidar.errors import UsageError
 from pseudolidar.geometry.pnp import RelativePose
 from pseudolidar.geometry.tracking import MatchedPair, precise_pose, relative_pose
@@ -23,10 +24,15 @@ class Motion:
     Args:
         gap: how many frames apart the pictures are that are compared; single steps are too small.
         most: motions that are used, taken evenly from longer sequences.
+        scale: what the scale of the depths follows, which motion cannot see: `poses` of the source,
+            where they come from another sensor (GPS, IMU); `near` depths stay as calibrated, which
+            was done near the cameras; `kept`, for cameras that turned since; `auto` is poses where
+            they tell it surely, else near.
     """
 
     gap: int = 3
     most: int = 60
+    scale: ScaleFrom = "auto"
 
     def __post_init__(self) -> None:
         if self.gap < 1 or self.most < 1:
@@ -50,7 +56,7 @@ class Motion:
 
     def load(self, rig: StereoRig, frames: int) -> MotionEstimator:
         """What follows a sequence of so many frames, all of this rig."""
-        return MotionEstimator(rig, self.gap, frozenset(self.starts(frames)))
+        return MotionEstimator(rig, self.gap, frozenset(self.starts(frames)), self.scale)
 
 
 class MotionEstimator:
@@ -60,10 +66,13 @@ class MotionEstimator:
         rig: rectified; its correction is not used, as a new one is sought.
         gap: how many frames apart the compared pairs are.
         starts: first frames of the compared pairs.
+        scale: what the scale of the depths follows.
     """
 
-    def __init__(self, rig: StereoRig, gap: int, starts: frozenset[int]) -> None:
-        self._rig, self._gap, self._starts = rig, gap, starts
+    def __init__(
+        self, rig: StereoRig, gap: int, starts: frozenset[int], scale: ScaleFrom = "auto"
+    ) -> None:
+        self._rig, self._gap, self._starts, self._scale = rig, gap, starts, scale
         self._recent: deque[_Seen] = deque(maxlen=gap + 1)
         self._motions: list[RelativePose] = []
         self._surveyed: list[Float64] = []
@@ -76,8 +85,8 @@ class MotionEstimator:
         Args:
             position: in the sequence; frames may be left out, and tell nothing then.
             pair: its pictures.
-            T_map_left: (4, 4) where the left camera was, if somebody else knows. It is not used,
-                only compared with.
+            T_map_left: (4, 4) where the left camera was, if somebody else knows. The offset does
+                not follow it; the scale of the depths may.
         """
         self._frames += 1
         seen = _Seen(position, pair, np.eye(4), np.eye(4), T_map_left)
@@ -115,6 +124,7 @@ class MotionEstimator:
             gap=self._gap,
             far=FarPoints.of(self._far),
             surveyed=self._surveyed,
+            scale=self._scale,
         )
 
 

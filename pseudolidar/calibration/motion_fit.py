@@ -14,10 +14,11 @@ from pseudolidar.calibration.motion_offset import (
     correction_coefficients,
     joint_offset,
 )
+from pseudolidar.calibration.motion_scale import DepthScale, ScaleFrom, depth_scale
 from pseudolidar.errors import MotionInsufficient
 from pseudolidar.geometry.pnp import RelativePose
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.camera import UNREFINED_SIGMA_PX, StereoRig
+from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
 
@@ -42,6 +43,8 @@ TRACKS_PX, TRACKS_BEND_PX, SURE = 0.05, 0.2, 2.0
 # The true error has yet another shape. Offsets from motion differ by so much of themselves from
 # those by surveyed poses or Velodyne (KITTI 06, drive 0002: 19 and 31 % without a bend).
 SHAPE_SHARE = 0.3
+# Step of a derivative of something linear.
+SMALL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +52,7 @@ class MotionFit:
     """The disparity offset that makes the motion of a sequence consistent.
 
     It is `offset_px (1 + x^2) + bend_px x^2`, x being the tangent of the angle to the optical axis.
+    Where it is taken off, depths are stretched by `scale`.
 
     Args:
         offset_px: on the optical axis; measured disparities are too large by it.
@@ -63,6 +67,7 @@ class MotionFit:
         far: what distant points say.
         by_poses_px: offset and bend with the motions held as somebody else surveyed them; None
             where nobody did.
+        scale: of the depths, which the motions alone do not tell.
         rig: that it was fitted to, without a correction.
     """
 
@@ -77,14 +82,16 @@ class MotionFit:
     depths_m: tuple[float, float]
     far: FarPoints
     by_poses_px: tuple[float, float] | None
+    scale: DepthScale
     rig: StereoRig
 
     @property
     def correction(self) -> DisparityCorrection:
-        """For the rig. What motion cannot see stays as unsure as on a rig that nobody checked."""
+        """For the rig. What nobody measured stays as unsure as on a rig that nobody checked."""
+        shape_px = np.array([self.offset_px, self.bend_px])
         return DisparityCorrection(
-            correction_coefficients(np.array([self.offset_px, self.bend_px]), self.rig),
-            residual_px=float(np.hypot(UNREFINED_SIGMA_PX, self.sigma_px)),
+            correction_coefficients(shape_px, self.rig, depth_factor=self.scale.factor),
+            residual_px=self.scale.residual_px(self.sigma_px),
             origin=f"motion of {self.frames} frames: {self.offset_text}",
             covariance=self._covariance,
             fitted_m=self.depths_m,
@@ -92,16 +99,21 @@ class MotionFit:
 
     @property
     def _covariance(self) -> Float64:
-        """(8, 8) px^2 of the coefficients, of offset and bend alone."""
-        shapes = [correction_coefficients(shape, self.rig) for shape in np.eye(2)]
-        sigmas_px = np.array([self.sigma_px, TRACKS_BEND_PX])
-        return sum(
-            (
-                np.outer(each, each) * sigma**2
-                for each, sigma in zip(shapes, sigmas_px, strict=True)
-            ),
-            np.zeros((8, 8)),
-        )
+        """(8, 8) px^2 of the coefficients: offset and bend, and the scale that goes with them."""
+        by_scale = self._by_scale
+        columns = [by_scale * (self.scale.sigma_rel or 0.0)]
+        follows = (*self.scale.by_shape.tolist(), 0.0)  # a bend that was not sought moves no scale
+        for shape, sigma_px, by_shape in zip(
+            np.eye(2), (self.sigma_px, TRACKS_BEND_PX), follows, strict=False
+        ):
+            by_offset = correction_coefficients(shape, self.rig)
+            columns.append((by_offset + by_shape * by_scale) * sigma_px)
+        return sum((np.outer(each, each) for each in columns), np.zeros((8, 8)))
+
+    @property
+    def _by_scale(self) -> Float64:
+        """(8,) change of the coefficients with the factor of depths, about 1."""
+        return correction_coefficients(np.zeros(2), self.rig, depth_factor=1.0 + SMALL) / SMALL
 
     @property
     def offset_text(self) -> str:
@@ -121,9 +133,8 @@ class MotionFit:
             f"motion: {self.offset_text}; from {self.motions} motions of {self.step_m:.2f} m, "
             f"{self.tracks} tracks at {near_m:.1f} to {far_m:.1f} m",
             *surveyed,
+            *self.scale.lines(self.sigma_px),
             self.far.conclusion,
-            "the scale f B cannot be seen from motion: a wrong baseline or focal length stays "
-            f"in the depths, so that sigma keeps {UNREFINED_SIGMA_PX} px",
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -142,7 +153,7 @@ class MotionFit:
             "far_m": self.depths_m[1],
             "by_poses_px": None if self.by_poses_px is None else list(self.by_poses_px),
             "distant_points": self.far.as_dict(),
-            "scale_seen": False,
+            **self.scale.as_dict(self.sigma_px),
         }
 
 
@@ -158,6 +169,7 @@ def fitted(
     gap: int,
     far: FarPoints,
     surveyed: Sequence[Float64] = (),
+    scale: ScaleFrom = "auto",
 ) -> MotionFit:
     """Solve for the offset, and judge it.
 
@@ -168,6 +180,7 @@ def fitted(
         gap: frames between the two pairs of a motion.
         far: what distant points say.
         surveyed: (4, 4) of each motion as somebody else knows it, or of none.
+        scale: what tells the scale of the depths.
 
     Raises:
         MotionInsufficient: the sequence does not carry the estimate.
@@ -195,6 +208,7 @@ def fitted(
         depths_m=(float(near_m), float(far_m)),
         far=far,
         by_poses_px=_by_poses_px(found, rig, surveyed),
+        scale=depth_scale(found, rig, surveyed, gap=gap, by=scale),
         rig=rig,
     )
 

@@ -18,6 +18,7 @@ from pseudolidar.geometry.pnp import CAUCHY_ITERATIONS, RelativePose, linearised
 from pseudolidar.geometry.twists import exp_twist
 from pseudolidar.structures.arrays import Bool, Float64
 from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.correction import DisparityCorrection
 
 # What a rig is expected to be off by, one standard deviation, px: offset and bend. The tracks are
 # too sure of themselves by about a factor of 10, so the expectation counts as much more.
@@ -34,12 +35,14 @@ class MotionOffset:
         information: (P, K, K) of each motion, 1/px^2, as its tracks alone tell.
         wish: (P, K) information times what each motion alone would say.
         motions: with the offset taken off.
+        length_by_shape: (P, K) change of their lengths with offset and bend, m/px.
     """
 
     shape_px: Float64
     information: Float64
     wish: Float64
     motions: tuple[RelativePose, ...]
+    length_by_shape: Float64
 
     def without(self, left_out: Bool) -> Float64:
         """(K,) of all motions but the marked ones (P,)."""
@@ -53,8 +56,16 @@ def shape_of(u: Float64, rig: StereoRig, unknowns: int) -> Float64:
     return np.stack([1.0 + squared, squared], axis=1)[:, :unknowns]
 
 
-def correction_coefficients(shape_px: Float64, rig: StereoRig) -> Float64:
-    """(8,) of a `DisparityCorrection` that is `offset (1 + x^2)`, and `bend x^2` where given."""
+def correction_coefficients(
+    shape_px: Float64, rig: StereoRig, *, depth_factor: float = 1.0
+) -> Float64:
+    """(8,) of a `DisparityCorrection` that takes the offset off and then stretches depths.
+
+    Args:
+        shape_px: (K,) `offset (1 + x^2)`, and `bend x^2` where given.
+        rig: of the pictures.
+        depth_factor: true depths by those that are left without the offset.
+    """
     half_width = (rig.left.width_px - 1) / 2
     slope = half_width / rig.left.K[0, 0]
     start = (half_width - rig.left.K[0, 2]) / rig.left.K[0, 0]
@@ -62,6 +73,10 @@ def correction_coefficients(shape_px: Float64, rig: StereoRig) -> Float64:
     coefficients[[0, 2, 4]] = start**2, 2 * slope * start, slope**2
     coefficients *= shape_px.sum()
     coefficients[0] += shape_px[0]
+    coefficients /= depth_factor
+    shrunk = 1.0 - 1.0 / depth_factor  # of disparity + doffs, which depths are inverse to
+    coefficients[0] += shrunk * rig.doffs_px
+    coefficients[1] = shrunk * DisparityCorrection.DISPARITY_UNIT_PX
     return coefficients
 
 
@@ -96,7 +111,8 @@ def joint_offset(
         shape_px = shape_px + step_px
         if np.abs(step_px).max() < CONVERGED_PX and iteration > CAUCHY_ITERATIONS:
             break
-    return MotionOffset(shape_px, information, wish, motions)
+    lengths = np.stack([part.length_by_shape for part in parts])
+    return MotionOffset(shape_px, information, wish, motions, lengths)
 
 
 def _solved(information: Float64, wish: Float64) -> Float64:
@@ -113,6 +129,14 @@ class _Eliminated:
     pull: Float64
     step: Float64
     step_by_shape: Float64
+
+    @property
+    def length_by_shape(self) -> Float64:
+        """(K,) change of the motion's length with offset and bend, m/px."""
+        t = self.motion.T_to_from[:3, 3]
+        along = t / np.linalg.norm(t)
+        # A rotation on the left turns t and leaves its length.
+        return np.asarray(-np.sum(along[:, None] * self.step_by_shape[:3], axis=0))
 
     def moved(self, shape_step_px: Float64) -> RelativePose:
         twist = self.step - self.step_by_shape @ shape_step_px

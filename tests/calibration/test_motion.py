@@ -9,7 +9,12 @@ import pytest
 from pseudolidar.calibration.far_points import FarPoints
 from pseudolidar.calibration.motion import Motion
 from pseudolidar.calibration.motion_fit import fitted
-from pseudolidar.calibration.motion_offset import correction_coefficients, shape_of
+from pseudolidar.calibration.motion_offset import (
+    correction_coefficients,
+    joint_offset,
+    shape_of,
+)
+from pseudolidar.calibration.motion_scale import depth_scale
 from pseudolidar.errors import MotionInsufficient, UsageError
 from pseudolidar.geometry.pnp import refined_pose
 from pseudolidar.geometry.tracking import MatchedPair
@@ -66,14 +71,114 @@ def test_a_wrong_baseline_is_not_seen():
     assert fit.correction.residual_px >= UNREFINED_SIGMA_PX
 
 
+def longer(of, factor):
+    """The rig with a baseline that is said to be too long."""
+    matrix = of.T_right_left.matrix.copy()
+    matrix[0, 3] *= factor
+    return replace(of, T_right_left=replace(of.T_right_left, matrix=matrix))
+
+
+@pytest.mark.parametrize("doffs_px", [0.0, 8.0])
+def test_poses_tell_the_scale_that_motion_does_not(doffs_px):
+    """Offset, bend and baseline are all wrong; depths at all disparities and columns are right."""
+    of = rig(doffs_px=doffs_px)
+    wrong = longer(of, 1.03)
+    planted = {"offset_px": -0.5, "bend_px": -1.0}
+    seen = motions_of(of, 12, noise_px=0.1, **planted)
+    motions = [refined_pose(T, each, wrong) for T, each in seen]
+    poses = [T for T, _ in seen]
+    fit = fitted(motions, wrong, frames=15, gap=3, far=NO_FAR, surveyed=poses)
+    assert fit.scale.factor == pytest.approx(1 / 1.03, abs=0.002)
+    assert abs(fit.scale.factor - 1 / 1.03) < 2 * fit.as_dict()["scale_sigma_rel"]
+    assert fit.as_dict()["scale_seen"] is True
+    assert "by the poses of the source" in "".join(fit.lines)
+    assert fit.correction.residual_px < 0.6 * UNREFINED_SIGMA_PX
+    u, depth_m = np.linspace(50, 1200, 30), np.geomspace(6, 80, 30)
+    d = of.fB_px_m / depth_m - doffs_px + shape_of(u, of, 2) @ np.array([-0.5, -1.0])
+    d = d - fit.correction.offset_px(d, u, np.full(30, 99.0), of.left.size_px)
+    off_px = wrong.fB_px_m / (d + doffs_px) / depth_m - 1
+    assert np.abs(off_px * of.fB_px_m / depth_m).max() < 0.15
+
+
+def test_without_poses_near_depths_stay_as_calibrated():
+    """The nearest tenth hardly moves, what is far moves by all of the offset."""
+    of = rig()
+    fit = fit_of(of, motions_of(of, 12, offset_px=-0.5, noise_px=0.1))
+    assert fit.scale.by == "near"
+    near_m, far_m = fit.depths_m
+    assert fit.scale.near_m == pytest.approx(near_m, rel=0.02)
+    u = np.full(2, of.left.K[0, 2])
+    d = of.fB_px_m / np.array([near_m, 10 * far_m])
+    moved_px = fit.correction.offset_px(d, u, np.full(2, 99.0), of.left.size_px)
+    # moved near the axis by what the sides, where 1 + x^2 is 1.8, are moved by less
+    assert abs(moved_px[0]) < 0.15
+    assert moved_px[1] == pytest.approx(-0.5, abs=0.03)
+    assert fit.correction.residual_px >= UNREFINED_SIGMA_PX
+    assert any("stay as calibrated" in line for line in fit.lines)
+
+
+def test_the_scale_can_be_kept_for_a_camera_that_turned():
+    of = rig()
+    motions = [refined_pose(T, each, of) for T, each in motions_of(of, 12, offset_px=-0.5)]
+    poses = [motion.T_to_from @ exp_twist(0.1 * STEP) for motion in motions]
+    options = {"frames": 15, "gap": 3, "far": NO_FAR, "surveyed": poses}
+    fit = fitted(motions, of, scale="kept", **options)
+    assert (fit.scale.by, fit.scale.factor) == ("kept", 1.0)
+    assert fit.correction.coefficients[1] == 0.0
+    # a survey a tenth off is no error of a calibration
+    assert fitted(motions, of, **options).scale.by == "near"
+    with pytest.raises(MotionInsufficient, match="more than a calibration errs by"):
+        fitted(motions, of, scale="poses", **options)
+
+
+def test_poses_that_disagree_among_themselves_do_not_count():
+    of = rig()
+    motions = [refined_pose(T, each, of) for T, each in motions_of(of, 12)]
+    poses = [motion.T_to_from.copy() for motion in motions]
+    for number, pose in enumerate(poses):
+        pose[:3, 3] *= 1 + 0.08 * (-1) ** number
+    options = {"frames": 15, "gap": 3, "far": NO_FAR, "surveyed": poses}
+    fit = fitted(motions, of, **options)
+    assert fit.scale.by == "near"
+    assert "not used" in "".join(fit.lines)
+    with pytest.raises(MotionInsufficient, match=r"--by\.scale"):
+        fitted(motions, of, scale="poses", **(options | {"surveyed": ()}))
+
+
+def test_the_scale_follows_offset_and_bend_as_said():
+    """Derivatives by finite differences, of poses and of near depths."""
+    of, planted = rig(), 0.05
+    plain, moved = (
+        [refined_pose(T, each, of) for T, each in motions_of(of, 8, offset_px=offset_px)]
+        for offset_px in (0.0, planted)
+    )
+    poses = [motion.T_to_from for motion in plain]
+    found = joint_offset(plain, of)
+    # the pictures of an offset rig, looked at as if it had none: as an offset the other way
+    held = [refined_pose(m.T_to_from, m.tracks, of) for m in moved]
+    change = np.median([m.distance_m for m in held]) - np.median([m.distance_m for m in plain])
+    assert np.median(found.length_by_shape) == pytest.approx(-change / planted, rel=0.1)
+    scale = depth_scale(found, of, poses, gap=3, by="poses")
+    assert scale.by_shape[0] == pytest.approx(change / planted / plain[0].distance_m, rel=0.1)
+
+
 def test_the_correction_is_as_unsure_as_the_offset():
     of = rig()
-    fit = fit_of(of, motions_of(of, 12, offset_px=0.3, noise_px=0.2))
-    cx, cy = of.left.K[:2, 2]
-    at_axis = np.array([9.0, 60.0]), np.full(2, cx), np.full(2, cy)
-    sigma_px = fit.correction.offset_sigma_px(*at_axis, of.left.size_px)
-    np.testing.assert_allclose(sigma_px, fit.sigma_px)
-    assert fit.correction.fitted_m == fit.depths_m
+    motions = [refined_pose(T, each, of) for T, each in motions_of(of, 12, offset_px=0.3)]
+    fits = {
+        by: fitted(motions, of, frames=15, gap=3, far=NO_FAR, scale=by) for by in ("kept", "near")
+    }
+    d = np.array([0.0, 9.0, 60.0])
+    at_axis = d, *(np.full(3, centre) for centre in of.left.K[:2, 2])
+    sigma_px = {
+        by: fit.correction.offset_sigma_px(*at_axis, of.left.size_px) for by, fit in fits.items()
+    }
+    np.testing.assert_allclose(sigma_px["kept"], fits["kept"].sigma_px)
+    assert fits["kept"].correction.fitted_m == fits["kept"].depths_m
+    # where near depths stay, an error of the offset moves what is far
+    assert sigma_px["near"][0] == pytest.approx(fits["near"].sigma_px)
+    assert (np.diff(sigma_px["near"][:2]) < 0).all()
+    assert sigma_px["near"][2] < 0.3 * fits["near"].sigma_px
 
 
 def test_surveyed_poses_are_compared_with():
@@ -84,7 +189,7 @@ def test_surveyed_poses_are_compared_with():
     fit = fitted(motions, of, frames=15, gap=3, far=NO_FAR, surveyed=poses)
     assert fit.by_poses_px == (pytest.approx(0.3, abs=0.01), 0.0)
     assert any("held fixed" in line for line in fit.lines)
-    # it is compared with, not used: a wrong one changes nothing
+    # the offset is compared with it and does not follow it
     wrong = [T @ exp_twist(np.array([0, 0, 0.3, 0, 0, 0])) for T in poses]
     assert fitted(motions, of, frames=15, gap=3, far=NO_FAR, surveyed=wrong).offset_px == (
         fit.offset_px

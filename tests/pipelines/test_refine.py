@@ -67,9 +67,32 @@ def test_motion_and_rows_end_in_the_rig_file(flight, refined, capsys):
     assert rows["density_after"] > rows["density_before"]
     rig = read_rig(refined)
     assert rig.rows.coefficients[4] == pytest.approx(2.0, abs=0.2)
-    assert rig.correction.coefficients[0] == pytest.approx(motion["offset_px"], abs=0.02)
+    # nobody surveyed the flight, so near depths stay as calibrated
+    assert motion["scale_by"] == "near"
+    assert rig.correction.coefficients[0] * motion["scale_factor"] == pytest.approx(
+        motion["offset_px"], abs=0.02
+    )
+    assert rig.correction.coefficients[1] > 0.1
     assert rig.correction.residual_px > 0.5
     assert "motion of 11 frames" in rig.correction.origin
+
+
+def test_poses_of_the_source_tell_a_wrong_baseline(tmp_path, capsys):
+    arguments = ["synthetic:flight:10", "--source.width-px", 400, "--matcher", "census:fast"]
+    rig = Synthetic("flight", frames=1, width_px=400).open().rig
+    matrix = rig.T_right_left.matrix.copy()
+    matrix[0, 3] *= 1.04
+    longer = replace(rig, T_right_left=replace(rig.T_right_left, matrix=matrix))
+    write_rig(tmp_path / "wrong.json", longer)
+    out = tmp_path / "rig.json"
+    arguments += ["--rig", tmp_path / "wrong.json", "--by", "motion", "--out", out]
+    report = told(capsys, "refine", *arguments, "--json")["motion"]
+    assert (report["scale_by"], report["scale_seen"]) == ("poses", True)
+    assert report["scale_sigma_rel"] < 0.02  # a third of KITTI's width
+    assert abs(report["scale_factor"] - 1 / 1.04) < 1.5 * report["scale_sigma_rel"]
+    correction = read_rig(out).correction
+    assert correction.coefficients[1] == pytest.approx(50 * (1 - 1 / report["scale_factor"]))
+    assert 0.2 <= correction.residual_px < 0.5
 
 
 def test_the_rig_is_used_and_told_of(flight, refined, capsys, tmp_path):
