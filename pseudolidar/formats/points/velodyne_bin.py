@@ -78,13 +78,32 @@ def read_velodyne_bin(
         values = _values(data, record_bytes, limits)
     except PseudolidarError as error:
         raise error.located(path) from error.__cause__
+    hint = "Is it a Velodyne file of 16 bytes a point? " + _record_hint(len(values) * 16)
+    return scan_of_values(values, path, hint=hint, timestamp_ns=timestamp_ns, frame=frame)
+
+
+def scan_of_values(
+    values: Float32, path: Path, *, hint: str, timestamp_ns: int, frame: str
+) -> LidarScan:
+    """The scan in x, y, z and reflectance as a file has them, without what no LiDAR can measure.
+
+    Args:
+        values: (N, 4).
+        path: the file, for errors.
+        hint: what to do where it holds something else.
+        timestamp_ns: time of the scan.
+        frame: frame of the points.
+
+    Raises:
+        PointFileCorrupt: more than 10 % of the points are not plausible.
+    """
     good = _plausible(values[:, :3]) & np.isfinite(values[:, 3])
     dropped = len(values) - int(np.count_nonzero(good))
     if dropped > LARGEST_DROPPED_SHARE * len(values):
         raise PointFileCorrupt(
             f"{dropped} of {len(values)} points not finite or beyond {LARGEST_COORDINATE_M:g} m",
             want=f"at most {LARGEST_DROPPED_SHARE:.0%}",
-            fix="Is it a Velodyne file of 16 bytes a point? " + _record_hint(len(values) * 16),
+            fix=hint,
             path=path,
         )
     if dropped:

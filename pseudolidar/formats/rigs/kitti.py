@@ -195,10 +195,10 @@ def read_raw_calib(
     notes: list[str] = []
     velodyne = imu = None
     if velo_to_cam is not None:
-        raw = _rigid_file(velo_to_cam, FRAME_CAM0, "velodyne", notes, limits)
+        raw = rigid_file(velo_to_cam, FRAME_CAM0, "velodyne", notes, limits)
         velodyne = _rectification(cameras, "R_rect_00", notes) @ raw
     if imu_to_velo is not None:
-        imu = _rigid_file(imu_to_velo, "velodyne", "imu", notes, limits)
+        imu = rigid_file(imu_to_velo, "velodyne", "imu", notes, limits)
     return KittiCalibration(
         cam_to_cam,
         {n: cameras.values[f"P_rect_0{n}"].reshape(3, 4) for n in numbers},
@@ -245,26 +245,28 @@ def write_raw_calib(folder: Path, rig: StereoRig, *, calib_time: str = "") -> No
 # --- transforms ----------------------------------------------------------------------------------
 
 
-def _rigid_file(path: Path, dst: str, src: str, notes: list[str], limits: Limits) -> Pose:
+def rigid_file(path: Path, dst: str, src: str, notes: list[str], limits: Limits) -> Pose:
+    """The transform in one of the raw data's files of R and T."""
     fields = read_key_values(path, RIGID_COUNTS, hint=WHICH_LAYOUT, limits=limits)
     R, t_m = fields.require("R").reshape(3, 3), fields.require("T")
-    _check_rotation(fields, "R", R, notes)
+    check_rotation(fields, "R", R, notes)
     return Pose.from_rotation(dst, src, R, t_m)
 
 
 def _rigid(fields: KeyValues, key: str, dst: str, src: str, notes: list[str]) -> Pose:
     matrix = fields.require(key).reshape(3, 4)
-    _check_rotation(fields, key, matrix[:, :3], notes)
+    check_rotation(fields, key, matrix[:, :3], notes)
     return Pose.from_rotation(dst, src, matrix[:, :3], matrix[:, 3])
 
 
 def _rectification(fields: KeyValues, key: str, notes: list[str]) -> Pose:
     R = fields.require(key).reshape(3, 3)
-    _check_rotation(fields, key, R, notes)
+    check_rotation(fields, key, R, notes)
     return Pose.from_rotation(FRAME_CAM0, FRAME_CAM0, R, np.zeros(3))
 
 
-def _check_rotation(fields: KeyValues, key: str, R: Float64, notes: list[str]) -> None:
+def check_rotation(fields: KeyValues, key: str, R: Float64, notes: list[str]) -> None:
+    """Raise `CalibrationValue` unless `R` is a rotation; note it where it is one only roughly."""
     error = rotation_error(R)
     if not error <= ROTATION_TOLERANCE:
         raise CalibrationValue(

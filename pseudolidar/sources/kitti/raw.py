@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pseudolidar.errors import CalibrationMissing, NotRectified, SourceUnknown
+from pseudolidar.errors import NotRectified, SourceUnknown
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.oxts import OxtsPacket, read_oxts
-from pseudolidar.formats.pictures.image import read_size
-from pseudolidar.formats.rigs.kitti import CAM_TO_CAM, IMU_TO_VELO, VELO_TO_CAM, read_raw_calib
+from pseudolidar.formats.rigs.kitti import read_raw_calib
 from pseudolidar.formats.rigs.kitti_calibration import KittiCalibration
 from pseudolidar.formats.timestamps import read_timestamps
+from pseudolidar.sources.kitti.drives import (
+    CalibrationPaths,
+    calibration_files,
+    date_of,
+    drive_cameras,
+    drives_in,
+    is_unrectified,
+)
 from pseudolidar.sources.kitti.frames import FrameFiles, KittiFrames, opened
 from pseudolidar.sources.kitti.parts import (
     SCAN_SUFFIXES,
     TEXT_SUFFIXES,
     CameraChoice,
-    CameraFolders,
     absent_count,
     absent_part,
-    camera_folders,
     choose_cameras,
     one_of,
     stray_note,
@@ -32,9 +36,6 @@ from pseudolidar.sources.numbered import FrameNumber, NumberedFiles, numbered_fi
 from pseudolidar.sources.stamps import FrameTimes, read_frame_times, synthetic_times
 
 KIND = "kitti-raw"
-CAMERA_FOLDERS = tuple(f"image_0{number}" for number in range(4))
-DATE = re.compile(r"[0-9]{4}_[0-9]{2}_[0-9]{2}")
-UNRECTIFIED = "extract"
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class KittiRaw:
     @classmethod
     def looks_like(cls, path: Path) -> bool:
         """Whether there are drives in `path`, by content."""
-        return bool(_drives(path))
+        return bool(drives_in(path))
 
     def open(self) -> KittiFrames:
         """List the drive's pairs and read its calibration, times and where it has them.
@@ -71,9 +72,10 @@ class KittiRaw:
         """
         root = Path(self.path)
         drive = _drive(root, self.sequence)
-        cameras, absent = choose_cameras(self.camera, _cameras(drive), path=drive)
-        calibration, calibration_absent = _calibration(drive, self.limits)
-        _refuse_unrectified(drive, cameras, calibration, self.limits)
+        cameras, absent = choose_cameras(self.camera, drive_cameras(drive), path=drive)
+        files = calibration_files(drive)
+        calibration = _calibration(files, self.limits)
+        _refuse_unrectified(drive, self.limits)
         pairs = pair_by_number(cameras.left, cameras.right)
         numbers = [number for number, _, _ in pairs.pairs]
         times = _times(cameras.left.folder.parent, numbers, self.rate_hz, self.limits)
@@ -108,7 +110,7 @@ class KittiRaw:
             refused=pairs.refused,
             absent=(
                 *absent,
-                *calibration_absent,
+                *files.absent,
                 *absent_count("velodyne", len(numbers) - len(scan_of), len(numbers)),
                 *absent_part("oxts", packets, numbers),
             ),
@@ -125,31 +127,8 @@ class KittiRaw:
         )
 
 
-def _drives(path: Path) -> list[Path]:
-    """Drive folders: `path` itself, below it, or below its date folders."""
-    if _is_drive(path):
-        return [path]
-    children = _folders(path)
-    drives = [child for child in children if _is_drive(child)]
-    for child in children:
-        if DATE.fullmatch(child.name):
-            drives += [folder for folder in _folders(child) if _is_drive(folder)]
-    return drives
-
-
-def _is_drive(path: Path) -> bool:
-    return any((path / name / "data").is_dir() for name in CAMERA_FOLDERS)
-
-
-def _folders(path: Path) -> list[Path]:
-    try:
-        return sorted(child for child in path.iterdir() if child.is_dir())
-    except OSError:
-        return []
-
-
 def _drive(root: Path, sequence: str | None) -> Path:
-    drives = _drives(root)
+    drives = drives_in(root)
     if not drives:
         raise SourceUnknown(
             "no drive of KITTI raw",
@@ -157,48 +136,21 @@ def _drive(root: Path, sequence: str | None) -> Path:
             fix="Pass a drive, its date folder, or the folder of the dates.",
             path=root,
         )
-    rectified = [drive for drive in drives if not drive.name.endswith(UNRECTIFIED)]
+    rectified = [drive for drive in drives if not is_unrectified(drive)]
     drives = rectified or drives
     return drives[one_of("drive", [drive.name for drive in drives], sequence, path=root)]
 
 
-def _cameras(drive: Path) -> tuple[CameraFolders, ...]:
-    grey0, grey1, colour2, colour3 = (f"{name}/data" for name in CAMERA_FOLDERS)
-    return camera_folders(drive, colour=[(colour2, colour3)], grey=[(grey0, grey1)])
+def _calibration(files: CalibrationPaths, limits: Limits) -> KittiCalibration:
+    return replace(read_raw_calib(*files.paths, limits=limits), date=files.date)
 
 
-def _calibration(drive: Path, limits: Limits) -> tuple[KittiCalibration, tuple[str, ...]]:
-    """Calibration beside the drive, as it comes, or in it; and which files are absent."""
-    folders = (drive.resolve().parent, drive)
-    folder = next((folder for folder in folders if (folder / CAM_TO_CAM).is_file()), None)
-    if folder is None:
-        raise CalibrationMissing(
-            f"no {CAM_TO_CAM}",
-            want=f"{CAM_TO_CAM}, {VELO_TO_CAM} and {IMU_TO_VELO} beside the drive",
-            fix="Get the calibration of that date, a separate download.",
-            path=folders[0],
-        )
-    optional = [folder / VELO_TO_CAM, folder / IMU_TO_VELO]
-    absent = tuple(f"calibration {path.name}" for path in optional if not path.is_file())
-    velo, imu = (path if path.is_file() else None for path in optional)
-    calibration = read_raw_calib(folder / CAM_TO_CAM, velo, imu, limits=limits)
-    return replace(calibration, date=_date_of(folder)), absent
-
-
-def _refuse_unrectified(
-    drive: Path, cameras: CameraFolders, calibration: KittiCalibration, limits: Limits
-) -> None:
-    camera = cameras.numbers[0]
-    first = cameras.left.paths[min(cameras.left.paths)]
-    raw_px, rectified_px = calibration.raw_sizes_px.get(camera), calibration.sizes_px.get(camera)
-    unrectified = drive.name.endswith(UNRECTIFIED)
-    if not unrectified and raw_px is not None and raw_px != rectified_px:
-        unrectified = read_size(first, limits=limits) == raw_px
-    if unrectified:
+def _refuse_unrectified(drive: Path, limits: Limits) -> None:
+    if is_unrectified(drive, limits):
         raise NotRectified(
             "a drive of the unrectified data",
             want="a synchronised and rectified one (drive_NNNN_sync)",
-            fix="Get the sync version of this drive, or rectify it first.",
+            fix="Read it with --source kitti-extract, or get the sync version of this drive.",
             path=drive,
         )
 
@@ -228,13 +180,7 @@ def _first_oxts(
 
 def _date_note(drive: Path, calibration: KittiCalibration) -> tuple[str, ...]:
     """Whether the drive is of another date than the calibration."""
-    own = _date_of(drive)
+    own = date_of(drive)
     if not own or not calibration.date or own == calibration.date:
         return ()
     return (f"warning: the calibration is of {calibration.date}, the drive of {own}",)
-
-
-def _date_of(folder: Path) -> str:
-    """Date in the name of a drive or of the folder of a day, or nothing."""
-    match = DATE.match(folder.resolve().name)
-    return match[0] if match else ""
