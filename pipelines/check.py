@@ -9,18 +9,22 @@ from typing import Annotated, Any
 import numpy as np
 
 from pseudolidar.calibration.check_finding import SUREST, Finding, percent
+from pseudolidar.calibration.check_rotation import turned
+from pseudolidar.calibration.drift_rig import realigned_rig
 from pseudolidar.errors import ALL_DONE, MapScale, PseudolidarError, SourceEmpty, printable
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.running.crew.crew_plan import CrewPlan
-from pseudolidar.running.field_markers import RUN_ONLY, Recognised
+from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.given import GivenSettings, given_maps
 from pseudolidar.running.preflight import SourceCheck, check_source
+from pseudolidar.running.rig_output import check_rig_place, store_rig
 from pseudolidar.running.table import table_text
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, FrameSource, pairs_of
 from pseudolidar.stereo.given_maps import StoredSteps
+from pseudolidar.structures.camera import StereoRig
 
 MARKS = {"stop": "STOP", "warn": "warn", "note": "note", "good": "ok", "unknown": "?"}
 MAPS = "given maps"
@@ -35,11 +39,16 @@ class Check:
     length of another matrix, different exposures, pictures of two moments: what was seen, how sure
     that is, and what mends it. `convert` and `evaluate` do so before their first frame.
 
+    All pairs together tell how one eye is turned against what the rig says, with standard
+    deviations: the more of them (--frames), the surer. --out writes the rig with that put right.
+    The yaw is hardly seen in the rows; `refine` by motion or by scans sees what it does.
+
     Exit code 3 where something would stop a run, else 0.
 
         pseudolidar check 2011_09_26_drive_0002_sync
         pseudolidar check pictures --rig rig.json --picture check.png
         pseudolidar check training --frames 0::10 --json
+        pseudolidar check 2011_09_26_drive_0002_sync --frames 0::5 --out rig.json
 
     Args:
         source: data with pairs.
@@ -53,6 +62,8 @@ class Check:
         disparity: disparity maps that somebody else made: are they in the scale they are read in?
         depth: the same with depth maps.
         map_scale: steps a px or m of such maps: auto, 256, 16 (OpenCV), 1000 (mm), 5000 (TUM), 1.
+        out: write the rig with the turn of the right eye put right into this file, if there is any.
+        overwrite: replace OUT, if that is a rig file; it is kept as OUT's name with .previous.
         picture: draw the matches of the pairs into this PNG, coloured by how far rows are off.
         workers: pairs looked at at the same time; by default one per core.
     """
@@ -67,6 +78,8 @@ class Check:
     disparity: Path | None = None
     depth: Path | None = None
     map_scale: StoredSteps = field(default_factory=StoredSteps)
+    out: Annotated[Path | None, RUN_ONLY] = None
+    overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
     picture: Path | None = None
     workers: Annotated[int | None, RUN_ONLY] = None
 
@@ -77,7 +90,10 @@ def run(job: Check) -> CheckReport:
     Raises:
         NoPairs: the source has none.
         SourceEmpty: not one of the pairs could be read.
+        UsageError: OUT is there already.
     """
+    if job.out is not None:
+        check_rig_place(job.out, overwrite=job.overwrite)
     source = opened(job)
     every = range(len(source.ids)) if job.frames is not None else None
     check = check_source(source, every, crew=CrewPlan(job.workers), neighbours=True)
@@ -86,7 +102,10 @@ def run(job: Check) -> CheckReport:
     maps = maps_found(job, source)
     if job.picture is not None:
         draw(job.picture, check, source)
-    return CheckReport(check, (*check.findings, *maps), job.picture)
+    rig = None if job.out is None else mended_rig(check, source)
+    if job.out is not None and rig is not None:
+        store_rig(job.out, rig)
+    return CheckReport(check, (*check.findings, *maps), job.picture, job.out, rig is not None)
 
 
 def opened(job: Check) -> FrameSource:
@@ -99,6 +118,13 @@ def opened(job: Check) -> FrameSource:
         swap=job.swap,
     )
     return pairs_of(select(whole, job.frames, job.exclude))
+
+
+def mended_rig(check: SourceCheck, source: FrameSource) -> StereoRig | None:
+    """The source's rig with the turn of its right eye put right; None where there is none."""
+    if check.rotation is None or not turned(check.rotation):
+        return None
+    return realigned_rig(source.rig, check.rotation)
 
 
 def maps_found(job: Check, source: FrameSource) -> tuple[Finding, ...]:
@@ -157,11 +183,15 @@ class CheckReport:
         check: of the source.
         findings: of its pairs together, and of maps.
         picture: where the matches are drawn, if they are.
+        out: where a mended rig was wanted, if it was.
+        mended: whether there was anything to be put right in it.
     """
 
     check: SourceCheck
     findings: tuple[Finding, ...]
     picture: Path | None
+    out: Path | None = None
+    mended: bool = False
 
     @property
     def exit_code(self) -> int:
@@ -184,6 +214,7 @@ class CheckReport:
                 {"id": frame.id, "reason": str(frame.error)} for frame in self.check.failed
             ],
             "picture": None if self.picture is None else str(self.picture),
+            "out": str(self.out) if self.mended else None,
         }
 
     def text(self) -> str:
@@ -200,6 +231,12 @@ class CheckReport:
         if mends:
             lines.append(f"What to do:\n{table_text(list(mends.items()))}")
         lines.append(self._verdict())
+        if self.out is not None:
+            lines.append(
+                f"  {self.out}: pass it to other commands with --rig"
+                if self.mended
+                else "  no eye is turned: no rig is written"
+            )
         if self.picture is not None:
             lines.append(f"  {self.picture}")
         return "\n".join(printable_lines(lines))

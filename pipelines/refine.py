@@ -10,9 +10,6 @@ from pseudolidar.calibration.check_rows import ROWS
 from pseudolidar.calibration.motion import Motion
 from pseudolidar.calibration.reference import Reference
 from pseudolidar.calibration.rows import Rows
-from pseudolidar.errors import PseudolidarError, UsageError
-from pseudolidar.formats.atomic import write_atomic
-from pseudolidar.formats.rigs.rig_json import read_rig, write_rig
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.crew.crew_plan import CrewPlan
@@ -20,6 +17,7 @@ from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.motion_refining import PictureRefinement, refined_by_pictures
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.reference_refining import ReferenceRefinement, refined_by_reference
+from pseudolidar.running.rig_output import check_rig_place, store_rig
 from pseudolidar.sources.aligned_rows import with_rows_aligned
 from pseudolidar.sources.other_rig import opened_as_taken
 from pseudolidar.sources.recognise import Source, recognise
@@ -29,7 +27,6 @@ from pseudolidar.sources.source import FrameSource, nearest_depth_m, pairs_of
 from pseudolidar.stereo.balance import BalanceWhen, balanced
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.sgbm import Bm, Sgbm
-from pseudolidar.structures.camera import StereoRig
 
 
 @dataclass(frozen=True)
@@ -101,7 +98,7 @@ def run(job: Refine) -> RefineReport:
         ReferenceMissing, CalibrationValue: no reference, or too little of it.
         MotionInsufficient: the sequence does not carry what is asked of its motion.
     """
-    check_place(job.out, overwrite=job.overwrite)
+    check_rig_place(job.out, overwrite=job.overwrite)
     source, crew = opened(job), CrewPlan(job.workers)
     warnings = preflight(source, wanted=job.check, crew=crew, mends=(ROWS,))
     nearest_m = nearest_depth_m(job.min_depth, source)
@@ -117,7 +114,7 @@ def run(job: Refine) -> RefineReport:
     if not found.changed:
         return RefineReport(line, None, found, warnings, notes)
     origin = f"{source.rig.origin or 'the rig of the source'}, refined on {line}"
-    previous = stored(job.out, replace(found.rig, origin=origin))
+    previous = store_rig(job.out, replace(found.rig, origin=origin))
     return RefineReport(line, job.out, found, warnings, notes, previous)
 
 
@@ -132,38 +129,6 @@ def opened(job: Refine) -> FrameSource:
         scans=job.scans,
     )
     return pairs_of(select(whole, job.frames, job.exclude))
-
-
-def check_place(out: Path, *, overwrite: bool) -> None:
-    """Raise `UsageError` where a file would be written over, unasked or one that is no rig."""
-    if out.exists() and not (overwrite and out.is_file()):
-        raise UsageError(
-            "a folder" if out.is_dir() else "there is such a file already",
-            want="the name of a new file",
-            fix="Name another with --out, or pass --overwrite to replace a file.",
-            path=out,
-        )
-    if out.exists():
-        try:
-            read_rig(out)
-        except PseudolidarError as error:
-            raise UsageError(
-                f"a file that is no rig ({error})",
-                want="a rig file, or the name of a new file",
-                fix="Name another with --out.",
-                path=out,
-            ) from None
-
-
-def stored(out: Path, rig: StereoRig) -> Path | None:
-    """Write the rig file; one that was there is kept beside it, so that it can be taken back."""
-    if not out.exists():
-        write_rig(out, rig)
-        return None
-    previous = out.with_name(f"{out.stem}.previous{out.suffix}")
-    write_atomic(previous, out.read_bytes())
-    write_rig(out, rig)
-    return previous
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from pseudolidar.geometry.twists import exp_twist
 from pseudolidar.structures.arrays import Image
 from pseudolidar.structures.frame import StereoFrame
 
@@ -26,6 +27,17 @@ def swapped(frame: StereoFrame) -> StereoFrame:
 
 def right_moved(frame: StereoFrame, **how: float) -> StereoFrame:
     return replace(frame, right=warped(frame.right, **how))
+
+
+def right_turned(frame: StereoFrame, turn_deg: tuple[float, float, float]) -> StereoFrame:
+    """The pair with its right eye turned by a rotation vector: pitch, yaw, roll, exactly."""
+    K = frame.rig.right.K
+    turn = exp_twist(np.concatenate([np.zeros(3), np.radians(turn_deg)]))[:3, :3]
+    height, width = frame.right.shape[:2]
+    shown = cv2.warpPerspective(
+        frame.right, K @ turn @ np.linalg.inv(K), (width, height), flags=cv2.INTER_CUBIC
+    )
+    return replace(frame, right=np.asarray(shown))
 
 
 def left_moved(frame: StereoFrame, **how: float) -> StereoFrame:

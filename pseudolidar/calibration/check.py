@@ -15,6 +15,7 @@ from pseudolidar.calibration.check_matches import PairMatches, match_points
 from pseudolidar.calibration.check_rig import TRUTH, baseline_found, focal_found, truth_found
 from pseudolidar.calibration.check_rows import ROWS, enough, rows_found
 from pseudolidar.calibration.check_sync import SYNC, Neighbours, proved, stands_ahead, sync_found
+from pseudolidar.calibration.drift import EyeRotation, RiggedMatches, eye_rotation
 from pseudolidar.errors import NotRectified, PairSwapped, PseudolidarError
 from pseudolidar.structures.arrays import Bool, Float64, Image
 from pseudolidar.structures.camera import StereoRig
@@ -36,6 +37,7 @@ class PairCheck:
         findings: one for each thing that was looked at.
         matches: what was matched.
         inliers: (N,) matches that agree on how rows differ.
+        rig: what the pair is said to be taken with.
         suspicious: a look at the frames before and after could explain it.
     """
 
@@ -43,7 +45,14 @@ class PairCheck:
     findings: tuple[Finding, ...]
     matches: PairMatches
     inliers: Bool
+    rig: StereoRig
     suspicious: bool = False
+
+    @property
+    def tells_rotation(self) -> bool:
+        """Whether its rows show how its eyes are turned, and nothing else that was found."""
+        severity = {finding.name: finding.severity for finding in self.findings}
+        return severity[ROWS] in ("stop", "warn", "good") and severity[EYES] != "stop"
 
 
 def check_pair(
@@ -88,7 +97,7 @@ def check_pair(
     findings = _explained(found)
     stops = any(finding.name == ROWS and finding.severity == "stop" for finding in findings)
     suspicious = not looked and (stops or stands_ahead(rectified, directed))
-    return PairCheck(frame.id, findings, matches, inliers, suspicious)
+    return PairCheck(frame.id, findings, matches, inliers, frame.rig, suspicious)
 
 
 def combined(checks: Sequence[PairCheck]) -> tuple[Finding, ...]:
@@ -98,6 +107,17 @@ def combined(checks: Sequence[PairCheck]) -> tuple[Finding, ...]:
     """
     names = dict.fromkeys(finding.name for check in checks for finding in check.findings)
     return tuple(_together(name, checks) for name in names)
+
+
+def seen_rotation(checks: Sequence[PairCheck]) -> EyeRotation | None:
+    """How the right eye is turned by all pairs that tell; None where too little is seen."""
+    return eye_rotation(
+        [
+            RiggedMatches(check.matches.selected(check.inliers), check.rig)
+            for check in checks
+            if check.tells_rotation
+        ]
+    )
 
 
 def stopping(findings: Sequence[Finding]) -> PseudolidarError | None:

@@ -6,9 +6,17 @@ import logging
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
-from pseudolidar.calibration.check import PairCheck, check_pair, combined, stopping
+from pseudolidar.calibration.check import (
+    PairCheck,
+    check_pair,
+    combined,
+    seen_rotation,
+    stopping,
+)
 from pseudolidar.calibration.check_eyes import EYES
 from pseudolidar.calibration.check_finding import SUREST, Finding
+from pseudolidar.calibration.check_rotation import rotation_found
+from pseudolidar.calibration.drift import EyeRotation
 from pseudolidar.errors import CalibrationSizeMismatch, PseudolidarError, printable
 from pseudolidar.running.crew.attempt import Done, Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
@@ -69,6 +77,7 @@ class SourceCheck:
         failed: pairs that could not be looked at.
         source: what was looked at, one line.
         path: of it.
+        rotation: how the right eye is turned against its rig; None where pairs do not tell.
     """
 
     findings: tuple[Finding, ...]
@@ -76,6 +85,7 @@ class SourceCheck:
     failed: tuple[Skipped, ...]
     source: str
     path: str
+    rotation: EyeRotation | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -141,9 +151,11 @@ def check_source(
     found = list(checked.values())
     if EXCHANGED in source.summary.notes:
         found = [replace(pair, findings=_not_swapped(pair.findings)) for pair in found]
-    findings = (*_sizes(pairs.rig, found, failed), *_dates(source), *combined(found))
+    rotation = seen_rotation(found)
+    turned = (rotation_found(rotation, pairs.rig),) if found else ()
+    findings = (*_sizes(pairs.rig, found, failed), *_dates(source), *combined(found), *turned)
     summary = source.summary
-    return SourceCheck(findings, tuple(found), tuple(failed), summary.line, summary.path)
+    return SourceCheck(findings, tuple(found), tuple(failed), summary.line, summary.path, rotation)
 
 
 def preflight(

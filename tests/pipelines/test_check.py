@@ -21,7 +21,7 @@ from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.source import pairs_of
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.disparity import DisparityMap
-from tests.perturbed import warped
+from tests.perturbed import right_turned, warped
 
 FRAMES = 4
 OF_THE_RUN = {"run.json", "report.json", "report.html", "journal.jsonl"}
@@ -273,3 +273,42 @@ def test_help_imports_nothing_heavy():
         "sys.exit(int('scipy' in sys.modules or 'numba' in sys.modules))"
     )
     subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
+
+
+def turned_room(room, folder, turn_deg):
+    """The room with its right eye turned against what the rig says."""
+    shutil.copytree(room, folder)
+    source = pairs_of(recognise(str(room)).open())
+    for index, name in enumerate(source.ids):
+        frame = right_turned(source.load(index), turn_deg)
+        cv2.imwrite(str(folder / "right" / f"{name}.png"), frame.right[..., ::-1])
+    return folder
+
+
+def test_the_rig_of_a_turned_eye_is_mended(room, tmp_path, capsys):
+    """Found with its angles, written, and taken: with it the pairs are right again."""
+    bent, out = turned_room(room, tmp_path / "bent", (0.1, 0, 0.25)), tmp_path / "rig.json"
+    call = ["check", str(bent), "--frames", "0::1", "--out", str(out), "--json"]
+    main(call)
+    report = json.loads(capsys.readouterr().out)
+    turn = next(f for f in report["findings"] if f["name"] == "rotation")
+    assert turn["severity"] == "note"
+    assert turn["pitch_deg"] == pytest.approx(0.1, abs=0.03)
+    assert turn["roll_deg"] == pytest.approx(0.25, abs=0.03)
+    assert report["out"] == str(out)
+    assert main(["check", str(bent), "--rig", str(out), "--frames", "0::1", "--json"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    rows = {f["name"]: f for f in again["findings"]}
+    assert rows["rotation"]["severity"] == "good"
+    assert rows["rotation"]["rows_before_px"] < 0.2
+    assert main(call) == 2  # it is there already
+    assert "--overwrite" in json.loads(capsys.readouterr().out)["error"]["fix"]
+    assert main([*call, "--overwrite"]) in (0, 3)
+    assert out.with_name("rig.previous.json").is_file()
+
+
+def test_no_rig_is_written_where_no_eye_is_turned(room, tmp_path, capsys):
+    out = tmp_path / "rig.json"
+    assert main(["check", str(room), "--out", str(out)]) == 0
+    assert "no rig is written" in capsys.readouterr().out
+    assert not out.exists()

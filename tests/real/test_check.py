@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pseudolidar.calibration.check import check_pair
+from pseudolidar.calibration.check import check_pair, seen_rotation
+from pseudolidar.calibration.check_rotation import rotation_found
 from pseudolidar.cli import main
 from pseudolidar.formats.pictures.image import read_image
 from pseudolidar.sources.recognise import recognise
@@ -20,7 +21,7 @@ from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.pose import Pose
-from tests.perturbed import ROWS_OFF, swapped
+from tests.perturbed import ROWS_OFF, right_turned, swapped
 from tests.stereo.motorcycle import motorcycle
 
 pytestmark = pytest.mark.real
@@ -57,6 +58,20 @@ def test_real_pairs_alarm_nobody_and_their_mistakes_do(real_data, name):
     for how in ("2 px", "-0.5 degrees"):
         seen = severities(ROWS_OFF[how](frame))
         assert (seen["rows"], seen["eyes"]) == ("stop", "good")
+
+
+@pytest.mark.parametrize("name", [*KITTI, "motorcycle"])
+def test_no_eye_of_real_pairs_is_turned_until_one_is(real_data, name):
+    """Three pairs of each data set; the pitch and roll that are added to them come out of them."""
+    frames = [motorcycle(real_data)] if name == "motorcycle" else [*kitti(real_data, name, step=4)]
+    frames = frames[:3]
+    rotation = seen_rotation([check_pair(frame) for frame in frames])
+    assert rotation_found(rotation, frames[0].rig).severity == "good"
+    added = np.radians((0.1, 0.0, 0.1))
+    bent = seen_rotation([check_pair(right_turned(f, (0.1, 0, 0.1))) for f in frames])
+    assert rotation_found(bent, frames[0].rig).severity == "note"
+    off = (bent.rotation_rad - rotation.rotation_rad - added) / bent.sigma_rad
+    assert np.abs(off).max() < 3
 
 
 @pytest.mark.slow
