@@ -150,7 +150,7 @@ def _refuse_unrectified(drive: Path, limits: Limits) -> None:
         raise NotRectified(
             "a drive of the unrectified data",
             want="a synchronised and rectified one (drive_NNNN_sync)",
-            fix="Read it with --source kitti-extract, or get the sync version of this drive.",
+            fix="Get the sync version of this drive, or rectify it first.",
             path=drive,
         )
 
