@@ -28,6 +28,7 @@ from pseudolidar.formats.recordings.draco_cloud import draco_cloud
 from pseudolidar.formats.recordings.message_store import Channel
 from pseudolidar.formats.recordings.recording_store import open_store
 from pseudolidar.formats.rigs.k_txt import write_k_txt
+from pseudolidar.formats.rigs.kalibr import write_camchain
 from pseudolidar.formats.rigs.kitti import encode_object_calib
 from pseudolidar.formats.rigs.middlebury import write_middlebury_calib
 from pseudolidar.formats.rigs.opencv_rig_writers import write_camera_info, write_opencv_yaml
@@ -39,6 +40,7 @@ from pseudolidar.formats.tum import read_associations, read_picture_list, read_t
 from pseudolidar.formats.video.file import VideoFile
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
+from tests.raw_rigs import raw_rig
 from tests.recordings import (
     ros2_messages,
     small_drive,
@@ -68,6 +70,7 @@ class Reader:
 
 RIG = small_rig()
 SIZE_PX = RIG.left.size_px
+RAW_RIGS = (raw_rig(4), raw_rig(4, model="fisheye"))
 
 
 def written(name: str, *writers: Callable[[Path], Any]) -> list[bytes]:
@@ -281,7 +284,10 @@ READERS = {
     ),
     "rig-xml": Reader(lambda: by_opencv("xml"), read_rig, "a.xml"),
     "rig-json": Reader(
-        lambda: by_opencv("json") + written("a.json", partial(write_rig, rig=RIG)),
+        lambda: (
+            by_opencv("json")
+            + written("a.json", *(partial(write_rig, rig=rig) for rig in (RIG, *RAW_RIGS)))
+        ),
         read_rig,
         "a.json",
     ),
@@ -289,6 +295,11 @@ READERS = {
     "k-txt": _rig("K.txt", partial(write_k_txt, rig=RIG)),
     "middlebury": _rig("calib.txt", partial(write_middlebury_calib, rig=RIG, ndisp=33)),
     "kitti-calib": Reader(lambda: [encode_object_calib(RIG)], read_rig, "000000.txt"),
+    "kalibr": Reader(
+        lambda: written("camchain.yaml", *(partial(write_camchain, rig=rig) for rig in RAW_RIGS)),
+        read_rig,
+        "camchain.yaml",
+    ),
     "projections": Reader(projections, read_rig, "camera_data.txt"),
     "times": Reader(
         lambda: TIMES, any_of(read_timestamps, read_times, read_time_table), "times.txt"

@@ -11,14 +11,17 @@ from pseudolidar.errors import (
     CalibrationMissing,
     CalibrationSyntax,
     CalibrationValue,
+    StructureError,
 )
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.rigs.key_values import KeyValues, key_values_text, read_key_values
 from pseudolidar.formats.rigs.kitti_calibration import FRAME_CAM0, WHICH_LAYOUT, KittiCalibration
+from pseudolidar.formats.rigs.rig_reading import unchanged
 from pseudolidar.formats.text import read_lines
+from pseudolidar.geometry.rectification import Rectification
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.pose import ROTATION_TOLERANCE, Pose, rotation_error
 
 # KITTI writes 7 digits, so that a product of two of its rotations is off by some 1e-6.
@@ -217,29 +220,59 @@ def _sizes_px(fields: KeyValues, prefix: str) -> dict[int, tuple[int, int]]:
     return {n: (round(float(size[0])), round(float(size[1]))) for n, size in sizes.items()}
 
 
-def write_raw_calib(folder: Path, rig: StereoRig, *, calib_time: str = "") -> None:
+def write_raw_calib(
+    folder: Path,
+    rig: StereoRig,
+    *,
+    rectified: Rectification | None = None,
+    calib_time: str = "",
+) -> None:
     """Write a rig as the calibration files of the raw data into `folder`, with all digits.
 
     Args:
         folder: where `calib_cam_to_cam.txt` and, where calibrated, the Velodyne's and the IMU's go.
         rig: cameras 0 and 2 become the left one, 1 and 3 the right one.
+        rectified: how pictures of unrectified cameras are rectified; not needed of a rectified rig.
         calib_time: date for the files' first line, such as `09-Jan-2012 13:57:47`.
+
+    Raises:
+        NotRectified: an unrectified rig, and nobody says how it is rectified.
+        StructureError: a lens that KITTI's five numbers cannot say.
+        OutputError: a file cannot be written.
     """
+    if rectified is None:
+        rectified = unchanged(rig)
+    pair = rectified.rig
     head: dict[str, Float64 | str] = {"calib_time": calib_time} if calib_time else {}
     fields = dict(head)
     for n in range(4):
-        camera = rig.right if n % 2 else rig.left
-        t_m = rig.T_right_left.translation_m if n % 2 else np.zeros(3)
-        size = np.array(camera.size_px, dtype=np.float64)
-        fields |= {f"S_0{n}": size, f"K_0{n}": camera.K, f"D_0{n}": np.zeros(5)}
-        fields |= {f"R_0{n}": np.eye(3), f"T_0{n}": t_m}
-        fields |= {f"S_rect_0{n}": size, f"R_rect_0{n}": np.eye(3)}
-        fields[f"P_rect_0{n}"] = rig.P_right if n % 2 else rig.P_left
+        camera, flat = (rig.right, pair.right) if n % 2 else (rig.left, pair.left)
+        pose = rig.T_right_left.matrix if n % 2 else np.eye(4)
+        fields |= {f"S_0{n}": np.array(camera.size_px, dtype=np.float64)}
+        fields |= {f"K_0{n}": camera.K, f"D_0{n}": _five_numbers(camera)}
+        fields |= {f"R_0{n}": pose[:3, :3], f"T_0{n}": pose[:3, 3]}
+        fields |= {f"S_rect_0{n}": np.array(flat.size_px, dtype=np.float64)}
+        fields |= {f"R_rect_0{n}": rectified.R_right if n % 2 else rectified.R_left}
+        fields[f"P_rect_0{n}"] = pair.P_right if n % 2 else pair.P_left
     write_atomic(folder / CAM_TO_CAM, key_values_text(fields).encode())
-    for name, pose in ((VELO_TO_CAM, rig.T_left_velodyne), (IMU_TO_VELO, rig.T_velodyne_imu)):
-        if pose is not None:
-            rigid = head | {"R": pose.matrix[:3, :3], "T": pose.translation_m}
+    for name, mounted in ((VELO_TO_CAM, rig.T_left_velodyne), (IMU_TO_VELO, rig.T_velodyne_imu)):
+        if mounted is not None:
+            rigid = head | {"R": mounted.matrix[:3, :3], "T": mounted.translation_m}
             write_atomic(folder / name, key_values_text(rigid).encode())
+
+
+def _five_numbers(camera: Camera) -> Float64:
+    """(5,) k1 k2 p1 p2 k3, the only lens model that KITTI has."""
+    numbers = np.zeros(5)
+    numbers[: len(camera.distortion[:5])] = camera.distortion[:5]
+    if camera.model != "pinhole" or camera.distortion[5:].any():
+        raise StructureError(
+            f"a {camera.model} lens with {len(camera.distortion)} distortion numbers",
+            want="k1 k2 p1 p2 k3 of a pinhole lens",
+            fix="Write rig.json, OpenCV's YAML or ROS's camera_info instead.",
+            where=CAM_TO_CAM,
+        )
+    return numbers
 
 
 # --- transforms ----------------------------------------------------------------------------------

@@ -25,6 +25,7 @@ from pseudolidar.formats.rigs.rig_reading import (
     pose_right_left,
 )
 from pseudolidar.formats.rigs.stereo_fields import Eye, StereoFields
+from pseudolidar.formats.rigs.stereo_sizes import Sizes, sizes_of
 from pseudolidar.formats.rigs.storage import matrix_of, read_storage
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera, StereoRig
@@ -62,10 +63,10 @@ def read_opencv_rig(
     """
     fields = StereoFields.of(path, _parts(files, limits))
     form = "ROS camera_info" if fields.node("model", 0) else "OpenCV stereo calibration"
-    size = _size(fields, size_px)
+    sizes = sizes_of(fields, size_px)
     notes: list[str] = []
-    rectified = _rectified(fields, size, unit)
-    raw = _raw(fields, size, unit, notes)
+    rectified = _rectified(fields, sizes[0], unit)
+    raw = _raw(fields, sizes, unit, notes)
     if raw is not None and raw.is_rectified:
         # Nothing was rectified: T has the digits that P has lost by its product.
         rectified = raw
@@ -74,7 +75,10 @@ def read_opencv_rig(
                      + (", not K and distortion" if raw is not None else ""))  # fmt: skip
     if rectified is None and raw is None:
         raise fields.lacks("pose of the cameras to each other", "R and T, or P1 and P2")
-    return RigReading(path, form, rectified, raw, tuple(notes))
+    turns = None if raw is None or rectified in (None, raw) else _turns(fields)
+    return RigReading(
+        path, form, rectified, raw, tuple(notes), turns=turns, projections=_projections(fields)
+    )
 
 
 def _parts(files: Mapping[str, Path], limits: Limits) -> list[tuple[Eye, Node]]:
@@ -110,37 +114,6 @@ def eye_of(name: str) -> Eye:
     return "left" if left else "right"
 
 
-def _size(fields: StereoFields, size_px: tuple[int, int] | None) -> tuple[int, int]:
-    """(width, height) that the files say, else those of the pictures.
-
-    Raises:
-        CalibrationField: nobody knows.
-    """
-    eye = None if fields.node("width") is not None else 0
-    sides = [fields.node(side, eye) for side in ("width", "height")]
-    if None not in sides:
-        width, height = (_whole(side) for side in sides if side is not None)
-        return width, height
-    both = fields.node("size")
-    if both is not None and isinstance(both.value, tuple) and len(both.value) == 2:
-        width, height = (_whole(side) for side in both.value)
-        return width, height
-    if size_px is None:
-        raise fields.lacks("image size", "image_width and image_height")
-    return size_px
-
-
-def _whole(node: Node) -> int:
-    if isinstance(node.value, bool) or not isinstance(node.value, int) or node.value < 1:
-        raise CalibrationSyntax(
-            f"{node.value!r}"[:40],
-            want="a whole number of pixels, 1 or more",
-            path=node.path,
-            where=node.where,
-        )
-    return node.value
-
-
 # --- rectified ---------------------------------------------------------------------------------
 
 
@@ -164,6 +137,12 @@ def _rectified(
         Pose.from_rotation(RIGHT, LEFT, np.eye(3), t_m),
         origin=fields.path.name,
     )
+
+
+def _projections(fields: StereoFields) -> dict[str, Float64]:
+    """P of each eye as it is in the file, in the file's unit."""
+    found = {f"P{eye + 1}": fields.matrix("P", eye, 3, 4) for eye in (0, 1)}
+    return {name: P for name, P in found.items() if P is not None}
 
 
 def _offset(P: Float64, fields: StereoFields, eye: int) -> Float64:
@@ -202,14 +181,14 @@ def _check_q(fields: StereoFields, P: Float64, t: Float64, cx_difference: float)
 
 
 def _raw(
-    fields: StereoFields, size_px: tuple[int, int], unit: RigUnit | None, notes: list[str]
+    fields: StereoFields, sizes: Sizes, unit: RigUnit | None, notes: list[str]
 ) -> StereoRig | None:
     """The rig of K, D and the pose of the cameras; None where one of them is not known."""
     left, right = (fields.matrix("K", eye, 3, 3) for eye in (0, 1))
     T_right_left = _raw_pose(fields, unit)
     if T_right_left is None or left is None or right is None:
         return None
-    cameras = [_camera(K, size_px, fields, "K", eye) for eye, K in enumerate((left, right))]
+    cameras = [_camera(K, sizes[eye], fields, "K", eye) for eye, K in enumerate((left, right))]
     lenses = [_lens(fields, eye) for eye in (0, 1)]
     if all(model == "pinhole" and len(numbers) == 4 for numbers, model in lenses):
         notes.append(f"{fields.path.name}: four distortion numbers without a model are k1 k2 p1 p2")
@@ -239,24 +218,33 @@ def _raw_pose(fields: StereoFields, unit: RigUnit | None) -> Pose | None:
 
 def _pose_of_rectification(fields: StereoFields, unit: RigUnit | None) -> Pose | None:
     """x_right = R2^T (R1 x_left + t): ROS keeps the pose in the rectification and P alone."""
-    R1, R2 = (fields.matrix("R_rect", eye, 3, 3) for eye in (0, 1))
+    turns = _turns(fields)
     P1, P2 = (fields.matrix("P", eye, 3, 4) for eye in (0, 1))
-    if R1 is None or R2 is None or P1 is None or P2 is None:
+    if turns is None or P1 is None or P2 is None:
         return None
     t = _offset(P2, fields, 1) - _offset(P1, fields, 0)
     if not t.any():
         return None
-    for eye, R in ((0, R1), (1, R2)):
-        path, where = fields.place("R_rect", eye)
-        pose_right_left(R, np.zeros(3), path=path, where=where)
+    R1, R2 = turns
     path, where = fields.place("P", 1)
     t_m = in_metres(t, unit, path=path, where=where)
     return Pose.from_rotation(RIGHT, LEFT, R2.T @ R1, R2.T @ t_m)
 
 
+def _turns(fields: StereoFields) -> tuple[Float64, Float64] | None:
+    """R1 and R2: directions of each camera to the rectified one's; None without them."""
+    R1, R2 = (fields.matrix("R_rect", eye, 3, 3) for eye in (0, 1))
+    if R1 is None or R2 is None:
+        return None
+    for eye, R in ((0, R1), (1, R2)):
+        path, where = fields.place("R_rect", eye)
+        pose_right_left(R, np.zeros(3), path=path, where=where)
+    return R1, R2
+
+
 def _lens(fields: StereoFields, eye: int) -> tuple[Float64, Literal["pinhole", "fisheye"]]:
     """Distortion numbers and the model they belong to."""
-    node, named = fields.node("D", eye), fields.node("model", eye)
+    node, named = fields.node("D", eye), fields.node("model", eye) or fields.node("model")
     model: Literal["pinhole", "fisheye"] = "pinhole"
     if named is not None and any(word in str(named.value).lower() for word in FISHEYE_MODELS):
         model = "fisheye"

@@ -94,7 +94,15 @@ def projection_reading(
     )
     notes = [f"{left.path.name}: {FORM}, taken apart into K, R and t; no lens distortion is known"]
     notes += [f"warning: {left.path.name}: {reason}" for reason in why_unrectified(rig)]
-    return RigReading(left.path, FORM, rig if rig.is_rectified else None, rig, tuple(notes))
+    names = [matrix.name or eye for matrix, eye in ((left, "P_left"), (right, "P_right"))]
+    return RigReading(
+        left.path,
+        FORM,
+        rig if rig.is_rectified else None,
+        rig,
+        tuple(notes),
+        projections=dict(zip(names, (left.P, right.P), strict=True)),
+    )
 
 
 def _decomposed(matrix: NamedMatrix) -> Decomposition:

@@ -12,6 +12,7 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.rigs.k_txt import read_k_txt
+from pseudolidar.formats.rigs.kalibr import is_camchain, read_camchain
 from pseudolidar.formats.rigs.key_values import KEY
 from pseudolidar.formats.rigs.kitti import (
     CAM_TO_CAM,
@@ -32,17 +33,27 @@ from pseudolidar.formats.rigs.projection_text import (
 )
 from pseudolidar.formats.rigs.rig_json import missing_rig, read_rig, rig_notes
 from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit
+from pseudolidar.formats.rigs.storage import read_storage
 from pseudolidar.formats.text import read_lines
 
 # Files that a folder of pictures can have its rig in, the surest first.
 RIG_FILES = ("rig.json", "calib.txt", "K.txt", "k.txt", "intrinsic.txt")
 # Words in the names of YAML, XML and JSON files that hold a camera or a pair.
-_PAIR_WORDS = ("stereo", "calib", "intrinsic", "extrinsic", "camera_info", "cameraparam", "rig")
+_PAIR_WORDS = (
+    "stereo",
+    "calib",
+    "intrinsic",
+    "extrinsic",
+    "camera_info",
+    "cameraparam",
+    "rig",
+    "camchain",
+)
 # Words in the names of text files that hold the projection matrices of a pair, or of one eye.
 _PROJECTION_WORDS = ("camera", "projection", "p_left", "p_right")
 READ = (
-    "rig.json, OpenCV YAML, XML or JSON, ROS camera_info, K.txt, Middlebury's or KITTI's "
-    "calib.txt, two projection matrices as text"
+    "rig.json, OpenCV YAML, XML or JSON, ROS camera_info, Kalibr's camchain, K.txt, Middlebury's "
+    "or KITTI's calib.txt, two projection matrices as text"
 )
 
 
@@ -125,6 +136,8 @@ def _storage_file(
     path: Path, size_px: tuple[int, int] | None, unit: RigUnit | None, limits: Limits
 ) -> RigReading:
     """One file; where it holds one camera or half of the matrices, with its partner beside it."""
+    if is_camchain(read_storage(path, limits=limits)[0]):
+        return read_camchain(path, unit=unit, limits=limits)
     try:
         return read_opencv_rig({"": path}, path=path, size_px=size_px, unit=unit, limits=limits)
     except CalibrationField as error:
@@ -247,7 +260,8 @@ def _kitti(path: Path, size_px: tuple[int, int] | None, limits: Limits) -> RigRe
     size = calibration.sizes_px.get(pairs[0][0]) if pairs else None
     rig = calibration.rig(pairs[0] if pairs else (0, 1), size_px=size or _known(size_px, path))
     note = f"{path.name}: cameras {pairs[0][0]} and {pairs[0][1]}" if pairs else ""
-    return RigReading(path, "KITTI", rig, rig, (*calibration.notes, note))
+    named = {f"{calibration.key}{n}": P for n, P in sorted(calibration.projections.items())}
+    return RigReading(path, "KITTI", rig, rig, (*calibration.notes, note), projections=named)
 
 
 def _kitti_calibration(path: Path, limits: Limits) -> KittiCalibration:

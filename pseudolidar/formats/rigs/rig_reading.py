@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -15,6 +16,7 @@ from pseudolidar.errors import (
     StructureError,
 )
 from pseudolidar.formats.rigs.rig_parts import LARGEST_BASELINE_M, LEFT, RIGHT
+from pseudolidar.geometry.rectification import Rectification
 from pseudolidar.geometry.unrectified import why_unrectified
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import StereoRig
@@ -35,6 +37,9 @@ class RigReading:
         raw: rig of the pictures as the cameras take them, where it is known.
         notes: what was assumed or left aside.
         min_depth_m: nearest depth that the data set claims to have.
+        turns: (3, 3) rotations of the left and the right raw camera's directions into the
+            rectified ones', where the file has them.
+        projections: (3, 4) projection matrices as the file has them, by their names.
     """
 
     path: Path
@@ -43,6 +48,8 @@ class RigReading:
     raw: StereoRig | None = None
     notes: tuple[str, ...] = ()
     min_depth_m: float | None = None
+    turns: tuple[Float64, Float64] | None = None
+    projections: Mapping[str, Float64] = field(default_factory=dict)
 
     @property
     def of_rectified(self) -> StereoRig:
@@ -61,6 +68,16 @@ class RigReading:
                 path=self.path,
             )
         return self.rectified
+
+
+def unchanged(rig: StereoRig) -> Rectification:
+    """The rectification of a rig that is rectified.
+
+    Raises:
+        NotRectified: it is not.
+    """
+    checked = RigReading(Path(), "rig", rig if rig.is_rectified else None, rig).of_rectified
+    return Rectification(checked, checked, np.eye(3), np.eye(3))
 
 
 def in_metres(t: Float64, unit: RigUnit | None, *, path: Path, where: str) -> Float64:

@@ -42,6 +42,7 @@ SHARED = {
     "size": ("imagesize", "size"),
     "width": ("imagewidth", "width"),
     "height": ("imageheight", "height"),
+    "model": ("distortionmodel", "cameramodel", "model"),
 }
 _PUNCTUATION = re.compile(r"[^0-9a-z]+")
 
