@@ -37,7 +37,7 @@ from pseudolidar.running.comparing.references import (
     Reference,
     kind_of,
 )
-from pseudolidar.running.comparing.second_place import places
+from pseudolidar.running.comparing.second_place import check_another, places
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
@@ -71,6 +71,7 @@ from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.scans_put_right import Scans
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, clouds_of, pairs_of, tell
+from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.clean import Clean
@@ -237,6 +238,8 @@ class Compare:
 def run(job: Compare) -> ComparisonReport | CloudsReport | DrivesReport:
     """Compare a source, or all drives of a folder."""
     job = placed(job)
+    if not job.owned and not isinstance(job.source, Synthetic):
+        check_another(job.source.path, job.reference)
     if job.all:
         return run_all(job)
     source = opened(job)
@@ -338,7 +341,8 @@ def run_all(job: Compare) -> DrivesReport:
     if job.out is None:
         return every
     facts = {"settings": result_settings(job), **every.facts}
-    page = write_drives_page(job.out, every)
+    settings = {"folder": str(job.source.path), "disparities": job.matched_by}
+    page = write_drives_page(job.out, every, settings=settings)
     files = write_comparison(job.out, drives_csv(comparisons, every.every), facts)
     return replace(every, files=[*files, page])
 

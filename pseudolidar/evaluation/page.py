@@ -8,12 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
+from urllib.parse import quote
 
 from pseudolidar.formats.pictures.image import encode_jpeg, encode_png
 from pseudolidar.structures.arrays import UInt8
 
 if TYPE_CHECKING:
     from jinja2 import Template
+    from markupsafe import Markup
     from matplotlib.figure import Figure
 
 JPEG_QUALITY, PAINTED_QUALITY = 85, 85
@@ -177,6 +179,13 @@ class KeyFigure:
     name: str
     value: str
     note: str = ""
+
+
+def link(text: str, address: str) -> Markup:
+    """A cell that leads to another file: `address` is a relative path, as it is on disk."""
+    from markupsafe import Markup
+
+    return Markup('<a href="{}">{}</a>').format(quote(address), text)
 
 
 def render_page(

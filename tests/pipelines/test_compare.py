@@ -261,6 +261,17 @@ def test_what_the_second_argument_is_taken_for(kitti, converted, tmp_path, capsy
     assert compare(kitti / "one", out, "--out", out, "--reference", "scan") == 2
 
 
+def test_a_source_that_holds_results_is_still_a_source(kitti, tmp_path, capsys):
+    shutil.copytree(kitti / "one", tmp_path / "one")
+    assert compare(tmp_path / "one", tmp_path / "one" / "out", "--to", "none") == 0
+    before = {path for path in (tmp_path / "one").rglob("*") if "out" not in path.parts}
+    told = result(capsys, tmp_path / "one", tmp_path / "one", code=2)
+    assert told["error"]["got"] == "the source as its own reference"
+    told = result(capsys, kitti / "one", tmp_path / "one")
+    assert told["reference"] == str(tmp_path / "one")
+    assert {p for p in (tmp_path / "one").rglob("*") if "out" not in p.parts} == before
+
+
 def test_frames_that_do_not_belong_together_are_refused(kitti, tmp_path, capsys):
     (tmp_path / "maps").mkdir()
     (tmp_path / "maps" / "other.pfm").write_bytes(b"Pf\n1 1\n-1\n\0\0\0\0")

@@ -10,16 +10,19 @@ import subprocess
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import unquote
 
 import cv2
 import numpy as np
 import pytest
 
 from pseudolidar.cli import main
+from pseudolidar.evaluation.compared import ComparedFrame
 from pseudolidar.evaluation.comparison.comparison import compare_frames
 from pseudolidar.running.products.compared_file import read_compared
 from pseudolidar.running.reports.comparison_page import PHOTOS, VIEWS, comparison_page
 from pseudolidar.running.reports.comparison_report import ComparisonReport
+from pseudolidar.running.reports.comparison_verdict import one_sided, verdict
 from pseudolidar.running.reports.samples import FrameSample
 from pseudolidar.running.results import RunResult
 from pseudolidar.sources.source import SourceSummary
@@ -27,6 +30,7 @@ from pseudolidar.sources.source import SourceSummary
 STREET = ("synthetic:street:8", "--width-px", "480")
 PLOTS = 13
 SECTIONS = (
+    "Verdict",
     "What was compared",
     "Error by range",
     "Bias of the disparities",
@@ -67,11 +71,13 @@ class Page(HTMLParser):
         self.tables: list[list[list[str]]] = []
         self.pictures: list[dict[str, str | None]] = []
         self.headings: list[str] = []
+        self.links: list[str] = []
+        self.points: list[str] = []
         self._within = ""
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self._within = tag
+        self._within = self._within if tag == "a" else tag
         if tag == "table":
             self.tables.append([])
         elif tag == "tr":
@@ -80,6 +86,10 @@ class Page(HTMLParser):
             self.tables[-1][-1].append("")
         elif tag == "img":
             self.pictures.append(dict(attrs))
+        elif tag == "a":
+            self.links.append(dict(attrs)["href"] or "")
+        elif tag == "li":
+            self.points.append("")
 
     def handle_endtag(self, tag: str) -> None:
         self._within = "" if tag in ("td", "th", "h2") else self._within
@@ -89,6 +99,8 @@ class Page(HTMLParser):
             self.tables[-1][-1][-1] += data.strip()
         elif self._within == "h2":
             self.headings.append(data)
+        elif self._within == "li":
+            self.points[-1] += data
 
 
 def _every(told: dict) -> list[dict]:
@@ -233,6 +245,47 @@ def test_one_frame_without_sigma_and_an_empty_bin(report):
     assert table[5][-1] == "0"
 
 
+def off_by(frame: ComparedFrame, share: float, noise_px: float) -> ComparedFrame:
+    """The frame as a rig of another baseline has it, with errors of its own."""
+    noise = np.random.default_rng(frame.index).normal(0, noise_px, len(frame))
+    return replace(frame, disparity_px=frame.reference_px / (1 + share) + noise)
+
+
+def test_the_verdict_tells_the_rig_from_the_matching(report):
+    whole, _ = report
+    frames = whole.comparison.frames
+    wrong = compare_frames([off_by(frame, 0.03, 0.05) for frame in frames])
+    assert [each.from_m for each in one_sided(wrong.by_range)] == [5, 10, 20, 30, 50]
+    first, second, _ = verdict(wrong)
+    assert "too far by 3." in first or "too far by 2.9" in first
+    assert "one of the calibration" in first
+    assert re.search(r"Baseline or focal length (2\.9|3|3\.1) ± 0\.1 % too long", second)
+    right = compare_frames([off_by(frame, 0.0, 0.5) for frame in frames])
+    first, second, _ = verdict(right)
+    assert "comes from the matching" in first
+    assert "No cause in the rig explains more than chance" in second
+    near = compare_frames([off_by(frame, -0.03, 0.05) for frame in frames])
+    assert "too near by" in verdict(near)[0]
+    nothing = [replace(f, disparity_px=np.full(len(f), np.nan)) for f in frames]
+    assert verdict(compare_frames(nothing))[0].startswith("There are too few points")
+
+
+def test_causes_that_cancel_are_no_facts_in_the_report(report):
+    """A principal point and a rotation that are wrong, the one making up for the other."""
+    whole, samples = report
+    frames = []
+    for frame in whole.comparison.frames:
+        focal_px, centre_px = frame.rig.right.focal_px, frame.rig.right.K[0, 2]
+        x = (frame.u - frame.reference_px - centre_px) / focal_px
+        error_px = 1.5 - 1.6 * (1 + x**2) + 0.1 * np.random.default_rng(1).normal(size=len(frame))
+        frames.append(replace(frame, disparity_px=frame.reference_px + error_px))
+    compared = compared_again(whole, frames)
+    assert compared.comparison.diagnosis.chosen.effect.cancels
+    text, page = shown(compared, samples)
+    assert "none of them is found for itself" in page.points[1]
+    assert "only the sum is sure" in text
+
+
 def test_few_points_and_none_at_all(report):
     whole, samples = report
     frame = whole.comparison.frames[0]
@@ -266,7 +319,12 @@ def test_drives_and_clouds_have_pages_with_the_numbers_of_their_json(tmp_path):
     text, stored = (out / "report.html").read_text(), json.loads((out / "compare.json").read_text())
     page = Page(text)
     assert f"{100 * stored['median_rel']:.2f} % of the distance" in text
-    (drives,) = (t for t in page.tables if t[0][0] == "drive")
+    drives, causes = (t for t in page.tables if t[0][0] == "drive")
+    assert [row[0] for row in causes[1:]] == ["<1>", "<2>"]
+    # both names lead to the page of their drive, from either table
+    linked = [(out / unquote(link)).resolve() for link in page.links]
+    assert linked == 2 * [out / f"<{seed}>" / "report.html" for seed in (1, 2)]
+    assert f"{stored['clouds']['chamfer_m']:.3f}" in text
     assert [row[0] for row in drives[1:]] == ["<1>", "<2>", "all"]
     medians = [each["median_rel"] for each in (*stored["drives"], stored)]
     assert [row[-4] for row in drives[1:]] == [f"{100 * median:.2f} %" for median in medians]

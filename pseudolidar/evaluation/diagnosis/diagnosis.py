@@ -25,6 +25,10 @@ MIN_BLOCKS = 40
 # patterns of some hundredths of a pixel.
 ALIKE_SIGMAS, ALIKE_PX = 1.0, 0.03
 MOST_ALTERNATIVES = 3
+# Causes that explain less than this share of the error leave most of it; so small an error left is
+# none of the rig.
+MOSTLY, BY_MATCHERS_PX = 0.5, 0.1
+UNKNOWN = "most of it has another form than these causes make: lenses, or the matching, make such"
 
 
 @dataclass(frozen=True)
@@ -49,7 +53,8 @@ class Diagnosis:
     """What is wrong with a rig.
 
     Args:
-        chosen: the simplest explanation of those that hold on frames outside the fit.
+        chosen: the simplest explanation of those that hold on frames outside the fit; of equally
+            simple ones one whose causes do not cancel each other, if there is one.
         alternatives: other explanations with as many causes that the data do not tell from it.
         single: what each cause explains alone, the most first.
         systematic_px: typical systematic error of a block, px (median of absolute values).
@@ -64,15 +69,25 @@ class Diagnosis:
     unexplained_px: float
     bias: tuple[BiasShare, ...]
 
+    @property
+    def mostly_unknown(self) -> bool:
+        """Whether the causes leave most of the error, and more than matchers make by themselves."""
+        left = self.chosen.explained < MOSTLY and self.unexplained_px > BY_MATCHERS_PX
+        return bool(self.chosen.causes) and left
+
     def text(self) -> str:
         """For people, a few lines."""
         lines = [f"systematic disparity error {self.systematic_px:.2f} px (median of blocks)"]
         if not self.chosen.causes:
             return f"{lines[0]}: the rig is healthy, no cause explains more than chance"
-        share = f"{self.chosen.explained:.0%} of it"
-        lines.append(
-            f"{share} explained by: " + "; ".join(found.text for found in self.chosen.causes)
-        )
+        effect = self.chosen.effect
+        how = "fits a sum, of" if effect.cancels else "explained by:"
+        causes = "; ".join(found.text for found in self.chosen.causes)
+        lines.append(f"{self.chosen.explained:.0%} of it {how} {causes}")
+        if effect.cancels:
+            lines.append(f"{effect.text}: only the sum is sure, none of them is found for itself")
+        if self.mostly_unknown:
+            lines.append(UNKNOWN)
         for found in self.chosen.causes:
             if found.twins:
                 names = " or ".join(name.replace("_", " ") for name in found.twins)
@@ -81,7 +96,8 @@ class Diagnosis:
                 )
         for other in self.alternatives[:MOST_ALTERNATIVES]:
             causes = "; ".join(found.text for found in other.causes)
-            lines.append(f"not told apart from: {causes} ({other.explained:.0%})")
+            sums = ", as a sum" if other.effect.cancels else ""
+            lines.append(f"not told apart from: {causes} ({other.explained:.0%}{sums})")
         if len(self.alternatives) > MOST_ALTERNATIVES:
             lines.append(f"and {len(self.alternatives) - MOST_ALTERNATIVES} more like these")
         lines.append(f"left unexplained: {self.unexplained_px:.2f} px")
@@ -95,6 +111,7 @@ class Diagnosis:
             "single": [one.as_dict() for one in self.single],
             "systematic_px": self.systematic_px,
             "unexplained_px": self.unexplained_px,
+            "mostly_unknown": self.mostly_unknown,
             "bias": [vars(share) for share in self.bias],
         }
 
@@ -122,7 +139,11 @@ def diagnose(frames: Sequence[ComparedFrame]) -> Diagnosis | None:
     best = min(sets, key=lambda s: float(losses[s].mean()))
     good = [s for s in sets if _alike(losses[s], losses[best])]
     fewest = min(len(s) for s in good)
-    peers = sorted((s for s in good if len(s) == fewest), key=lambda s: float(losses[s].mean()))
+    # causes that cancel each other are named last: of such sums the parts are hardly known
+    peers = sorted(
+        (s for s in good if len(s) == fewest),
+        key=lambda s: (fits.effect(s).cancels, float(losses[s].mean())),
+    )
     chosen = fits.explanation(peers[0], losses)
     single = sorted(
         (fits.explanation((i,), losses) for i in range(len(CAUSES))), key=lambda e: -e.explained

@@ -9,6 +9,7 @@ import numpy as np
 
 from pseudolidar.evaluation.diagnosis.blocks import ErrorBlocks
 from pseudolidar.evaluation.diagnosis.causes import CAUSES, Cause, Seen
+from pseudolidar.evaluation.diagnosis.effects import JointEffect
 from pseudolidar.structures.arrays import Float64, Int64
 from pseudolidar.structures.camera import StereoRig
 
@@ -66,11 +67,13 @@ class Explanation:
         causes: the fewest that do; empty where the rig is healthy.
         loss: mean loss on frames outside the fit; smaller is better.
         explained: share of the systematic error that they explain, 0-1.
+        effect: what they make of the disparities, alone and together.
     """
 
     causes: tuple[FoundCause, ...]
     loss: float
     explained: float
+    effect: JointEffect
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -83,6 +86,7 @@ class Explanation:
             "causes": [found.as_dict() for found in self.causes],
             "loss": self.loss,
             "explained": self.explained,
+            "effect": self.effect.as_dict(),
         }
 
 
@@ -91,6 +95,7 @@ class CauseFits:
 
     def __init__(self, blocks: ErrorBlocks, rig: StereoRig) -> None:
         self.blocks, seen = blocks, Seen.of(blocks, rig)
+        self.from_middle = np.abs(blocks.u / rig.left.width_px - 0.5)
         self.patterns = np.stack([cause.pattern(seen) for cause in CAUSES], axis=1)
         frames = np.unique(blocks.frame)
         part = blocks.frame
@@ -151,7 +156,12 @@ class CauseFits:
             ),
             loss,
             max(0.0, 1.0 - loss / nothing) if nothing > 0 else 0.0,
+            self.effect(chosen),
         )
+
+    def effect(self, chosen: tuple[int, ...]) -> JointEffect:
+        """What the causes make of the blocks, alone and together."""
+        return JointEffect.of(self.patterns[:, chosen] * self.sizes(chosen), self.from_middle)
 
     def _by_patterns(self, chosen: tuple[int, ...]) -> Float64:
         """(n,) standard deviation that errors of `PATTERN_PX` cause, alike within coarse parts."""

@@ -42,6 +42,21 @@ def places(text: str, *, out: Path | None, reference: str | None) -> tuple[Path 
     return out, text
 
 
+def check_another(source: str, reference: str) -> None:
+    """Refuse a source as its own reference: it would be right everywhere.
+
+    Raises:
+        UsageError: both are the same file or folder.
+    """
+    if reference == source or Path(reference).resolve() == Path(source).resolve():
+        raise UsageError(
+            "the source as its own reference",
+            want="another source to compare with",
+            fix="For results in this folder pass --out.",
+            path=reference,
+        )
+
+
 def is_source(text: str) -> bool:
     """Whether the argument is another source, and not where the results go.
 
@@ -58,15 +73,10 @@ def is_source(text: str) -> bool:
             want = "an output folder, or another source to compare with"
             raise UsageError("no such file", want=want, path=text)
         return False
-    if (path / JSON_NAME).exists() or _has_compared(path):
+    if any((path / name).exists() for name in (JSON_NAME, COMPARED_FOLDER)):
         return False
     try:
         recognise(text)
     except SourceUnknown:
         return is_maps(path)
     return True
-
-
-def _has_compared(path: Path) -> bool:
-    """Whether `compare` has begun to write there, of one drive or of several."""
-    return (path / COMPARED_FOLDER).exists() or any(path.glob(f"*/{COMPARED_FOLDER}"))

@@ -48,7 +48,7 @@ def read_compared(folder: Path, frame_id: str) -> ComparedFrame:
             rig=parse_rig(str(arrays["rig"]), path),
             **{name: arrays[name] for name in COLUMNS},
             **{name: arrays.get(name) for name in OPTIONAL},
-            kind="truth" if arrays["kind"] == "truth" else "scan",
+            kind="truth" if arrays.get("kind") == "truth" else "scan",
             distances=_distances(arrays),
         )
 

@@ -27,6 +27,7 @@ from pseudolidar.running.reports.comparison_sections import (
     diagnosis_sections,
     sigma_sections,
 )
+from pseudolidar.running.reports.comparison_verdict import verdict
 from pseudolidar.running.reports.comparison_words import (
     headline,
     key_figures,
@@ -79,6 +80,7 @@ def comparison_page(
     """
     compared = report.comparison
     sections = [
+        Section("Verdict", points=verdict(compared)),
         Section("What was compared", table=_compared_rows(report, settings)),
         *by_range_sections(compared),
         *bias_sections(compared),
@@ -128,14 +130,19 @@ def _shown(compared: Comparison, samples: Mapping[str, FrameSample], most: int) 
     return [known[round(place)] for place in places]
 
 
+def _caption(compared: Comparison, number: int) -> str:
+    frame = compared.per_frame[number]
+    return (
+        f"Frame {frame.id}: median error {percent(frame.overall.median_rel)}, bias "
+        f"{percent(frame.overall.bias_rel, signed=True)}, {counted(frame.overall.n, 'point')}"
+    )
+
+
 def _photos(compared: Comparison, samples: Mapping[str, FrameSample]) -> list[Section]:
     rows = []
     for number in _shown(compared, samples, PHOTOS):
-        frame, overall = compared.frames[number], compared.per_frame[number].overall
-        caption = (
-            f"Frame {frame.id}: median error {percent(overall.median_rel)}, bias "
-            f"{percent(overall.bias_rel, signed=True)}, {counted(overall.n, 'point')}"
-        )
+        frame = compared.frames[number]
+        caption = _caption(compared, number)
         picture = Picture.painted(
             photo_error_plot(samples[frame.id].photo, frame),
             caption,
@@ -155,7 +162,7 @@ def _views(compared: Comparison, samples: Mapping[str, FrameSample]) -> list[Sec
             (
                 Picture.painted(
                     birds_eye_plot(compared.frames[number]),
-                    f"Frame {compared.frames[number].id}",
+                    _caption(compared, number),
                     alt=f"Both clouds of frame {compared.frames[number].id} from above",
                 ),
             )

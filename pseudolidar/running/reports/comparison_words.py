@@ -8,7 +8,7 @@ from pseudolidar.evaluation.comparison.bootstrap import Interval
 from pseudolidar.evaluation.comparison.comparison import Comparison
 from pseudolidar.evaluation.comparison.figures import DepthFigures, RangeFigures
 from pseudolidar.evaluation.comparison.pooled import PooledFigures
-from pseudolidar.evaluation.diagnosis.diagnosis import Diagnosis
+from pseudolidar.evaluation.diagnosis.diagnosis import UNKNOWN, Diagnosis
 from pseudolidar.evaluation.page import KeyFigure
 from pseudolidar.running.reports.numbers import bare, between, counted, metres, percent
 from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
@@ -101,7 +101,7 @@ def key_figures(compared: Figures) -> list[KeyFigure]:
     within = overall.within_1_sigma
     if within is not None:
         right = percent(ONE_SIGMA_SHARE, digits=0)
-        note = f"{right} is right: {_sigma_words(within, compared.by_range)}"
+        note = f"{right} is right: {sigma_words(within, compared.by_range)}"
         keys.append(KeyFigure("within one sigma", percent(within, digits=1), note))
     return keys
 
@@ -122,7 +122,8 @@ def _bias_words(bias: float | None) -> str:
     return f"signed median: too {'far' if bias > 0 else 'near'}"
 
 
-def _sigma_words(within: float, by_range: Sequence[RangeFigures]) -> str:
+def sigma_words(within: float, by_range: Sequence[RangeFigures]) -> str:
+    """Whether stated errors are honest, overall and at every range."""
     off = within - ONE_SIGMA_SHARE
     words = "stated errors are too small"
     if abs(off) <= SIGMA_TOLERANCE:
@@ -192,7 +193,7 @@ def _bins(compared: Figures) -> list[tuple[str, DepthFigures]]:
     return [*rows, (f"all, {low}-{high}", compared.overall)]
 
 
-CAUSE_HEADER = ("what is the case", "cause", "size", "looks the same as")
+CAUSE_HEADER = ("what fits", "cause", "size", "looks the same as")
 
 
 def cause_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
@@ -211,12 +212,19 @@ def cause_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 def diagnosis_words(diagnosis: Diagnosis) -> str:
     """What is wrong, in sentences."""
     size = f"The systematic disparity error is {diagnosis.systematic_px:.2f} px (median of blocks)"
-    if not diagnosis.chosen.causes:
+    chosen = diagnosis.chosen
+    if not chosen.causes:
         return f"{size}. The rig is healthy: no cause explains more than chance."
-    return (
-        f"{size}; {percent(diagnosis.chosen.explained, digits=0)} of it is explained by the causes "
-        f"below, {diagnosis.unexplained_px:.2f} px are left. {_certainty(diagnosis)}"
-    )
+    share = percent(chosen.explained, digits=0)
+    words = [
+        f"{size}; {share} of it is explained by the causes below, "
+        f"{diagnosis.unexplained_px:.2f} px are left."
+    ]
+    if chosen.effect.cancels:
+        words.append(f"{sentence(chosen.effect.text)}: only the sum is sure, none of them alone.")
+    if diagnosis.mostly_unknown:
+        words.append(f"{sentence(UNKNOWN)}.")
+    return " ".join([*words, _certainty(diagnosis)])
 
 
 def _certainty(diagnosis: Diagnosis) -> str:
@@ -232,7 +240,7 @@ def alternative_words(diagnosis: Diagnosis) -> list[str]:
     more = len(diagnosis.alternatives) - ALTERNATIVES_SHOWN
     named = [
         f"{sentence('; '.join(found.text for found in other.causes))} "
-        f"(explains {percent(other.explained, digits=0)})"
+        f"(explains {percent(other.explained, digits=0)}{', as a sum' * other.effect.cancels})"
         for other in diagnosis.alternatives[:ALTERNATIVES_SHOWN]
     ]
     return [*named, f"And {more} more, in compare.json"] if more > 0 else named

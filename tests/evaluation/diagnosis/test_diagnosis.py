@@ -95,6 +95,36 @@ def test_what_looks_alike_is_named():
     assert "not told apart from" in diagnosis.text()
 
 
+def test_causes_that_cancel_are_told_as_a_sum_and_not_as_facts():
+    """A wrong principal point that a wrong rotation makes up for, as calibrations have them."""
+    frames = compared({"offset": 1.25, "yaw": -0.11}, noise_px=0.2)
+    diagnosis = diagnose(frames)
+    pair = diagnosis.chosen
+    assert pair.names == ("offset", "yaw")
+    assert pair.effect.cancels
+    assert pair.effect.alone_px > 3 * pair.effect.together_px
+    # what is left bends: 1.25 - 1.38 (1 + x^2)
+    assert pair.effect.middle_px == pytest.approx(-0.15, abs=0.05)
+    assert pair.effect.sides_px == pytest.approx(-0.9, abs=0.1)
+    assert "fits a sum, of" in diagnosis.text()
+    assert "none of them is found for itself" in diagnosis.text()
+    assert "explained by" not in diagnosis.text()
+    added = diagnose(compared({"offset": -0.3, "yaw": -0.1})).chosen
+    assert not added.effect.cancels
+
+
+def test_what_no_cause_explains_is_said():
+    """Bands that no cause makes, as of a matcher or a lens."""
+    frames = [
+        replace(frame, disparity_px=frame.disparity_px + 0.8 * np.sin(frame.u / 60))
+        for frame in compared({"scale": 1.0})
+    ]
+    diagnosis = diagnose(frames)
+    assert diagnosis.mostly_unknown
+    assert "most of it has another form" in diagnosis.text()
+    assert not diagnose(compared({"scale": 2.0})).mostly_unknown
+
+
 def test_the_bias_of_each_range_is_explained():
     shares = diagnose(compared({"scale": 2.0})).bias
     known = [share for share in shares if share.bias_rel is not None and share.to_m <= 50]

@@ -20,7 +20,14 @@ from pseudolidar.evaluation.comparison.plots.style import (
 )
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+# What the plot of distances shows.
+DRAWN = tuple(
+    f"{side}_{name}_m" for side in ("accuracy", "completeness") for name in ("median", "p90")
+)
 
 
 def distances_plot(by_range: Sequence[CloudFigures], bins: DepthBins) -> Figure:
@@ -53,14 +60,25 @@ def distances_plot(by_range: Sequence[CloudFigures], bins: DepthBins) -> Figure:
                 label=f"{side}, {words}",
             )
     if any(each.n and each.reference for each in by_range):
-        axes.legend(frameon=False, fontsize=9)
+        axes.legend(frameon=False, fontsize=9, loc="lower right")
     else:
         nothing(axes)
     axes.set(title="Distance to the nearest neighbour", ylabel="distance, m")
-    axes.set_ylim(bottom=0)
+    if any((each.figures[name] or 0.0) > 0 for each in by_range for name in DRAWN):
+        _metres_by_factors(axes)
     depth_axis(axes, list(bins))
     axes.set_xlabel("range of the point, m")
     return figure
+
+
+def _metres_by_factors(axes: Axes) -> None:
+    """A logarithmic axis of lengths, as near and far differ by a hundred, with plain numbers."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(base=10, subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda length_m, _: f"{length_m:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def scores_plot(by_range: Sequence[CloudFigures], bins: DepthBins) -> Figure:
@@ -82,10 +100,12 @@ def scores_plot(by_range: Sequence[CloudFigures], bins: DepthBins) -> Figure:
             marker=marker,
             label=f"within {radius:g} m",
             digits=0,
+            below=radius < max(F_RADII_M),
+            numbers=radius > min(F_RADII_M),  # its low numbers would lie on those above
         )
     if any(each.n and each.reference for each in by_range):
         axes.legend(frameon=False, fontsize=9, loc="lower left")
-    axes.set(title="F-score", ylabel="F-score, %", ylim=(0, 112))
+    axes.set(title="F-score", ylabel="F-score, %", ylim=(-9, 112))
     axes.set_yticks(range(0, 101, 20))
     depth_axis(axes, list(bins))
     axes.set_xlabel("range of the point, m")

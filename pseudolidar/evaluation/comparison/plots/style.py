@@ -72,6 +72,7 @@ def with_intervals(
     digits: int = 1,
     signed: bool = False,
     below: bool = False,
+    numbers: bool = True,
 ) -> None:
     """Shares as percent at 0, 1, 2, ... with their intervals and numbers; None is left out.
 
@@ -85,6 +86,7 @@ def with_intervals(
         digits: of the numbers, behind the point.
         signed: whether numbers have a sign; those of negative values stand below.
         below: whether all numbers stand below.
+        numbers: whether values are written beside their marks.
     """
     known = [i for i, value in enumerate(values) if value is not None]
     if not known:
@@ -97,6 +99,8 @@ def with_intervals(
     axes.errorbar(
         known, at, yerr=reach, fmt=marker, color=colour, capsize=4, markersize=6, label=label
     )
+    if not numbers:
+        return
     for place, value, (low, high) in zip(known, at, ends, strict=True):
         under = below or (signed and value < 0)
         axes.annotate(
