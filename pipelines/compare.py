@@ -245,7 +245,9 @@ def run(job: Compare) -> ComparisonReport | CloudsReport | DrivesReport:
     source = opened(job)
     if source.yields is RecordedCloud:
         return run_clouds(job, clouds_of(source))
-    return run_pairs(job, pairs_of(source))
+    pairs = pairs_of(source)
+    pairs.rig.check_metric()
+    return run_pairs(job, pairs)
 
 
 def run_pairs(job: Compare, source: FrameSequence[StereoFrame]) -> ComparisonReport:

@@ -25,6 +25,10 @@ VIEW_DEG = (5.0, 150.0)
 UNEQUAL, UNEQUAL_MOST = 0.0025, 0.03
 # Two calibrations of the same rectified pictures agree much better than this.
 OTHER_FOCAL = 0.02
+SET_SCALE = (
+    "Set it by a distance that is known, `pseudolidar rectify SOURCE OUT --uncalibrated "
+    "--known-distance baseline:0.12` (metres)."
+)
 # Disparities of truth and matches agree to this share; the readings a wrong scale comes from.
 TRUTH_SHARE, READINGS = 0.1, (16.0, 256.0, 1 / 16, 1 / 256)
 
@@ -37,6 +41,9 @@ def baseline_found(rig: StereoRig, disparity_px: Float64) -> Finding:
         disparity_px: (N,) of its matches.
     """
     baseline_m = rig.baseline_m
+    if not rig.metric:
+        text = "unknown scale: depths are multiples of the distance between the eyes, not metres"
+        return Finding(BASELINE, "warn", text, None, SET_SCALE, {"baseline_m": None})
     figures: dict[str, float | int | None] = {"baseline_m": baseline_m, "matches": None}
     text = f"{baseline_m:.4g} m"
     mend = "Write lengths of the calibration in metres, or say their unit: --rig-unit mm."

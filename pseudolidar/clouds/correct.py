@@ -172,7 +172,9 @@ def check_place(rig: StereoRig) -> None:
 
     Raises:
         CalibrationField: it does not.
+        CalibrationUnits: its lengths are no metres.
     """
+    rig.check_metric()
     if rig.T_left_velodyne is None:
         raise CalibrationField(
             "a rig without the place of its LiDAR",

@@ -250,8 +250,10 @@ def refined_by_reference(
     Raises:
         ReferenceMissing: no frame has a reference.
         CalibrationValue: too little of it, or frames of several image sizes.
+        CalibrationUnits: the rig's lengths are no metres.
         TooManyBadFrames: as `good_frames`.
     """
+    source.rig.check_metric()
     compare = CompareFrame(matcher, by.kind, max(1, by.most // max(1, len(source.ids))))
     compared: list[ComparedFrame] = []
     without = 0

@@ -7,7 +7,12 @@ from typing import Literal
 
 import numpy as np
 
-from pseudolidar.errors import CalibrationSizeMismatch, CalibrationValue, NotRectified
+from pseudolidar.errors import (
+    CalibrationSizeMismatch,
+    CalibrationUnits,
+    CalibrationValue,
+    NotRectified,
+)
 from pseudolidar.structures.arrays import Float64, check_array
 from pseudolidar.structures.correction import DisparityCorrection, RowCorrection, SigmaScale
 from pseudolidar.structures.pose import Pose
@@ -101,6 +106,8 @@ class StereoRig:
             they load a pair; the rig of such a frame has none.
         origin: where the calibration comes from, in words.
         quality: how good the calibration is, where it tells.
+        metric: whether lengths are metres. A rig found from pictures alone has eyes a distance of 1
+            apart, and everything that is measured with it is a multiple of that.
 
     Raises:
         CalibrationValue: baseline zero or of the wrong sign.
@@ -115,6 +122,7 @@ class StereoRig:
     origin: str = ""
     rows: RowCorrection | None = None
     quality: CalibrationQuality | None = None
+    metric: bool = True
 
     def __post_init__(self) -> None:
         t_m = self.T_right_left.translation_m
@@ -161,6 +169,24 @@ class StereoRig:
     def baseline_m(self) -> float:
         """Distance of the optical centres along the rows, `-P_right[0, 3] / f`, metres."""
         return float(-self.P_right[0, 3] / self.left.focal_px)
+
+    @property
+    def baseline_text(self) -> str:
+        """The baseline for people; no metres where there are none."""
+        if not self.metric:
+            return f"baseline {self.baseline_m:.4g} of unknown scale"
+        return f"baseline {self.baseline_m:.5f} m"
+
+    def check_metric(self) -> None:
+        """Raise `CalibrationUnits` where lengths are no metres."""
+        if not self.metric:
+            raise CalibrationUnits(
+                "a rig of unknown scale: lengths are multiples of the distance between the eyes",
+                want="metres",
+                fix="Set the scale by something known, `pseudolidar rectify SOURCE OUT "
+                "--uncalibrated --known-distance baseline:0.12`.",
+                where="metric",
+            )
 
     @property
     def doffs_px(self) -> float:

@@ -13,7 +13,7 @@ import pytest
 from pseudolidar.cli import main
 from pseudolidar.formats.pictures.disparity_png import write_disparity_png
 from pseudolidar.formats.pictures.image import read_image
-from pseudolidar.formats.rigs.rig_json import write_rig
+from pseudolidar.formats.rigs.rig_json import read_rig, write_rig
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.preflight import DATE, check_source
 from pseudolidar.sources.other_rig import with_rig
@@ -312,3 +312,18 @@ def test_no_rig_is_written_where_no_eye_is_turned(room, tmp_path, capsys):
     assert main(["check", str(room), "--out", str(out)]) == 0
     assert "no rig is written" in capsys.readouterr().out
     assert not out.exists()
+
+
+def test_a_rig_of_unknown_scale_warns_and_is_compared_with_nothing(own_room, capsys):
+    rig = replace(read_rig(own_room / "rig.json"), metric=False)
+    write_rig(own_room / "rig.json", rig)
+    assert main(["check", str(own_room), "--json"]) == 0
+    findings = {f["name"]: f for f in json.loads(capsys.readouterr().out)["findings"]}
+    assert findings["baseline"]["severity"] == "warn"
+    assert "not metres" in findings["baseline"]["text"]
+    assert main(["compare", str(own_room), "--json"]) == 3
+    assert json.loads(capsys.readouterr().out)["error"]["code"] == "CalibrationUnits"
+    assert main(["refine", str(own_room), "--out", str(own_room / "new.json"), "--json"]) == 3
+    assert json.loads(capsys.readouterr().out)["error"]["code"] == "CalibrationUnits"
+    assert main(["info", str(own_room)]) == 0
+    assert "no metres" in capsys.readouterr().out

@@ -56,6 +56,13 @@ def count(node: Node, of: str = "pixels") -> int:
     return node.value
 
 
+def truth(node: Node) -> bool:
+    """A truth value."""
+    if not isinstance(node.value, bool):
+        raise wrong(node, "true or false")
+    return node.value
+
+
 def text(node: Node) -> str:
     """A text."""
     if not isinstance(node.value, str):

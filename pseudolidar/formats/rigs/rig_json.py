@@ -22,7 +22,7 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.rigs.rig_fields import MINIMAL_RIG, count, fields_of, text
+from pseudolidar.formats.rigs.rig_fields import MINIMAL_RIG, count, fields_of, text, truth
 from pseudolidar.formats.rigs.rig_parts import (
     IMU,
     LARGEST_BASELINE_M,
@@ -54,6 +54,7 @@ OPTIONAL = (
     "correction",
     "rows",
     "quality",
+    "metric",
 )
 # Seven digits of a rotation are enough for this; beyond it the numbers were rounded.
 ROUNDED_ROTATION = 1e-6
@@ -113,6 +114,7 @@ def parse_rig(document: str, path: str | Path) -> StereoRig:
             rows=rows(fields["rows"]) if "rows" in fields else None,
             quality=quality(fields["quality"]) if "quality" in fields else None,
             origin=text(fields["origin"]) if "origin" in fields else "",
+            metric=truth(fields["metric"]) if "metric" in fields else True,
         )
     except PseudolidarError as error:
         raise error.located(path) from None
@@ -137,6 +139,8 @@ def rig_text(rig: StereoRig) -> str:
     fields |= {"width_px": rig.left.width_px, "height_px": rig.left.height_px}
     fields |= {"left": _camera_fields(rig.left, rig.left.size_px)}
     fields |= {"right": _camera_fields(rig.right, rig.left.size_px)}
+    if not rig.metric:
+        fields["metric"] = False
     t_m = rig.T_right_left.translation_m
     along_row = np.array_equal(t_m[1:], (0, 0)) and 0 < -t_m[0] <= LARGEST_BASELINE_M
     if along_row and np.array_equal(rig.T_right_left.matrix[:3, :3], np.eye(3)):
@@ -184,6 +188,8 @@ def rig_notes(rig: StereoRig) -> tuple[str, ...]:
         for name, error in errors.items()
         if error > ROUNDED_ROTATION
     ]
+    if not rig.metric:
+        notes.append("scale unknown: lengths are multiples of the distance between the eyes")
     if rig.correction is not None:
         origin = rig.correction.origin or "unknown origin"
         notes.append(f"refined rig: leaves {rig.correction.residual_px:.2f} px ({origin})")

@@ -81,6 +81,7 @@ def rig_facts(rig: StereoRig) -> dict[str, Any]:
     return {
         "f_px": rig.left.focal_px,
         "baseline_m": rig.baseline_m,
+        "metric": rig.metric,
         "fB_px_m": rig.fB_px_m,
         "depth_at_1_px_m": rig.fB_px_m / at_1_px if at_1_px > 0 else None,
         "doffs_px": rig.doffs_px,

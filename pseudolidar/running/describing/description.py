@@ -170,9 +170,14 @@ def counted(count: int, things: str) -> str:
 
 def _rig_row(rig: dict[str, Any]) -> str:
     sized = rig["width_px"] is not None
-    parts = [
+    lengths = (
         f"f {rig['f_px']:.4f} px, B {rig['baseline_m']:.5f} m, fB {rig['fB_px_m']:.3f} px m",
         f"depth at 1 px {_value(rig['depth_at_1_px_m'])} m",
+    )
+    if not rig["metric"]:
+        lengths = (f"f {rig['f_px']:.4f} px", "scale unknown: no metres")
+    parts = [
+        *lengths,
         f"{rig['width_px']}x{rig['height_px']} px" if sized else "image size not stated",
     ]
     if rig["doffs_px"]:

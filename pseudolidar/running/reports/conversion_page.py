@@ -104,7 +104,7 @@ def rig_rows(rig: StereoRig) -> list[tuple[str, str]]:
     width, height = rig.left.size_px
     return [
         ("images", f"{width} x {height} px"),
-        ("rig", f"f {rig.left.focal_px:.4f} px, baseline {rig.baseline_m:.5f} m"),
+        ("rig", f"f {rig.left.focal_px:.4f} px, {rig.baseline_text}"),
         ("depth at 1 px", f"{rig.fB_px_m:.1f} m"),
     ]
 

@@ -118,7 +118,8 @@ class RigReport:
 
     def _pair_rows(self) -> list[tuple[str, str]]:
         figures = self.as_dict()
-        rows = [("baseline", f"{figures['baseline_m']:.5g} m")]
+        unit = "m" if self.rig.metric else "of unknown scale, no metres"
+        rows = [("baseline", f"{figures['baseline_m']:.5g} {unit}")]
         if not self.rig.is_rectified:
             place = ", ".join(f"{x:.5g}" for x in figures["right_camera_at_m"])
             rows.append(("right camera at", f"{place} m; turned {figures['rotation_deg']:.3g} deg"))

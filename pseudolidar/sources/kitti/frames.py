@@ -221,7 +221,7 @@ def opened(
     rig = _first_rig(frames, cameras.numbers, limits)
     width, height = rig.left.size_px
     parts = [f"{name}: {len(frames)} pairs of the {cameras.described}", f"{width}x{height} px"]
-    parts.append(f"baseline {rig.baseline_m:.5f} m")
+    parts.append(rig.baseline_text)
     if rig.T_left_velodyne is not None and any(files.scan for files in frames):
         parts.append("Velodyne")
     if first_oxts is not None or any(files.pose for files in frames):

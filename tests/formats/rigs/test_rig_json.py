@@ -14,6 +14,7 @@ from pseudolidar.errors import (
     CalibrationField,
     CalibrationMissing,
     CalibrationSyntax,
+    CalibrationUnits,
     CalibrationValue,
     LimitError,
     OutputError,
@@ -501,3 +502,24 @@ def test_mistakes_in_the_quality_are_named(
         parse_rig(changed(quality=fields), "rig.json")
     assert where in caught.value.where
     assert got in caught.value.got
+
+
+def test_a_rig_of_unknown_scale_says_so_everywhere(tmp_path: Path) -> None:
+    """Lengths that are no metres: in the file, the notes, the line for people; metres refused."""
+    unknown = replace(parse_rig(MINIMAL_RIG, "rig.json"), metric=False)
+    text = rig_text(unknown)
+    assert json.loads(text)["metric"] is False
+    jsonschema = pytest.importorskip("jsonschema")
+    jsonschema.validate(json.loads(text), rig_schema())
+    back = parse_rig(text, tmp_path / "rig.json")
+    assert not back.metric
+    assert any("scale unknown" in note for note in rig_notes(back))
+    assert "m" not in back.baseline_text.split()
+    with pytest.raises(CalibrationUnits, match="unknown scale") as error:
+        back.check_metric()
+    assert "--known-distance" in error.value.fix
+    known = replace(back, metric=True)
+    assert "metric" not in json.loads(rig_text(known))
+    known.check_metric()
+    with pytest.raises(CalibrationSyntax, match="true or false"):
+        parse_rig(text.replace("false", "0"), "rig.json")
