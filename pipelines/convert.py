@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -50,6 +51,7 @@ from pseudolidar.running.settings_schema import described
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.scans_put_right import Scans, possible, put_right
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, pairs_of, tell
 from pseudolidar.stereo.balance import BalanceWhen
@@ -106,6 +108,8 @@ class Convert:
         reproject: which pixels become points, and how.
         guide: correct the metres of each cloud by the LiDAR scan of its frame, or by a few beams
             of it (scan:4, scan:16); adds a column `guided`. Disparities stay as they are.
+        scans: how LiDAR scans are put right for `guide`: moved to one moment, where the data say
+            when points were taken; beams raised. What is written of scans stays as it is stored.
         outliers: which points are removed of clouds of any origin; `clean` is for disparities.
         ground: what happens to the ground's points: label them (column `ground`), or remove them.
         crop: only points in a box, or at some distance.
@@ -157,6 +161,7 @@ class Convert:
     sigma_px: float | None = None
     reproject: Reproject = field(default_factory=Reproject)
     guide: Scan | None = None
+    scans: Scans = field(default_factory=Scans)
     outliers: Lonely | None = None
     ground: Label | Remove | None = None
     crop: Box | Range | None = None
@@ -278,7 +283,11 @@ class ConvertFrame:
         )
         paired = source.yields is StereoFrame  # else no kernel is needed, which take a second
         reproject = job.reproject.load() if paired else Reprojector(job.reproject)
-        guide = Guide.unused() if job.guide is None else job.guide.load(pairs_of(source).rig)
+        guide = Guide.unused()
+        if job.guide is not None:
+            guide = job.guide.load(
+                pairs_of(source).rig, put_right=partial(put_right, scans=job.scans)
+            )
         normals = Normals() if job.normals else None
         beams = None if job.beams is None else Beams(job.beams)
         tools = CloudTools.load(job.outliers, job.ground, job.crop, normals, beams, job.thin)
@@ -342,6 +351,8 @@ def opened(job: Convert) -> FrameSequence[Frame]:
     )
     source = select(every, job.frames, job.exclude)
     tell(source)
+    if job.guide is not None and (scans := possible(source, job.scans)):
+        _log.info("guide: %s", scans.note)
     if source.yields is StereoFrame:
         _log.info("matcher: %s", job.matched_by)
     return source

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, Self
 
@@ -24,6 +24,9 @@ BEAM_POINTS, ANCHORED = "guide_beam_points", "guide_anchors"
 GUIDED_SHARE, MOVED_PX = "guide_share", "guide_moved_px"
 # Fewer anchors than this say too little.
 LEAST_ANCHORS = 30
+# A frame with its scan moved to one moment. Which laser measured a point is told by the order of
+# the points as they were taken, so beams are chosen first.
+PutRight = Callable[[StereoFrame], StereoFrame]
 
 
 @dataclass(frozen=True)
@@ -47,15 +50,19 @@ class Scan:
                 f"neighbours = {self.neighbours}", want="2 or more", where="neighbours"
             )
 
-    def load(self, rig: StereoRig | None = None) -> Guide:
+    def load(self, rig: StereoRig | None = None, *, put_right: PutRight | None = None) -> Guide:
         """The corrector, for frames of a rig.
+
+        Args:
+            rig: of the frames, where it is known.
+            put_right: what is done to the beams before they are used; nothing by default.
 
         Raises:
             CalibrationField: the rig does not know where the LiDAR is.
         """
         if rig is not None:
             check_place(rig)
-        return Guide(self)
+        return Guide(self, put_right)
 
 
 class Guided(NamedTuple):
@@ -78,9 +85,11 @@ class Guide:
 
     Args:
         settings: which beams, and how; None leaves everything as it is.
+        put_right: what is done to the beams before; None for nothing.
     """
 
     settings: Scan | None
+    put_right: PutRight | None = None
 
     @classmethod
     def unused(cls) -> Self:
@@ -114,12 +123,16 @@ class Guide:
         if self.settings is None:
             return Guided(cloud, depth, {})
         self.check(frame)
-        moved, figures = corrected(cloud, frame, self.settings)
+        moved, figures = corrected(cloud, frame, self.settings, put_right=self.put_right)
         return Guided(moved, guided_depth(depth, moved), figures)
 
 
 def corrected(
-    cloud: PointCloud, frame: StereoFrame, settings: Scan
+    cloud: PointCloud,
+    frame: StereoFrame,
+    settings: Scan,
+    *,
+    put_right: PutRight | None = None,
 ) -> tuple[PointCloud, Mapping[str, float]]:
     """Move the points along their rays to where beams and stereo together say that they are.
 
@@ -135,6 +148,7 @@ def corrected(
         cloud: of this frame, in the left camera's frame, with `uv`.
         frame: with a scan, and a rig that knows where the LiDAR is.
         settings: which beams, and how.
+        put_right: what is done to the beams first; None for nothing.
 
     Returns:
         The cloud, and counts and measures by name.
@@ -155,7 +169,8 @@ def corrected(
         )
     points = MeasuredPoints.of(cloud, frame.rig)
     beams = scan_of_beams(frame.scan, settings.beams, pattern=settings.pattern)
-    known, seen = points.known(replace(frame, scan=beams))
+    few = replace(frame, scan=beams)
+    known, seen = points.known(few if put_right is None else put_right(few))
     figures = {BEAM_POINTS: float(seen), ANCHORED: float(len(known.point))}
     share = np.zeros(len(cloud), np.float32)
     figures |= {GUIDED_SHARE: 0.0, MOVED_PX: 0.0}

@@ -84,8 +84,8 @@ class RunResult:
 
     @property
     def exit_code(self) -> int:
-        """0 all done, 4 some frames skipped, else of what ended the run early."""
-        return self.ended_by or (SOME_SKIPPED if self.skipped else ALL_DONE)
+        """0 all done, 4 some frames skipped or lost, else of what ended the run early."""
+        return self.ended_by or (SOME_SKIPPED if self.skipped or self.source.lost else ALL_DONE)
 
     @property
     def figures(self) -> dict[str, dict[str, float]]:
@@ -98,6 +98,7 @@ class RunResult:
             "frames": self.total,
             "committed": len(self.committed),
             "skipped": len(self.skipped),
+            "lost": list(self.source.lost),
             "passed_now": self.passed_now,
             "ended_early": self.ended_by != ALL_DONE,
             "exit_code": self.exit_code,
@@ -108,11 +109,12 @@ class RunResult:
 
     def text(self) -> str:
         """The same for people: what was done, what was not, and what to do about it."""
-        return "\n".join([self._done_line(), *self._skip_lines(), *self._stop_lines()])
+        lost = (printable(f"  {line}") for line in self.source.lost)
+        return "\n".join([self._done_line(), *self._skip_lines(), *lost, *self._stop_lines()])
 
     def _done_line(self) -> str:
         count = f"{len(self.committed)} of {self.total} frames"
-        if not self.passed_now and self.exit_code == ALL_DONE:
+        if not (self.passed_now or self.skipped or self.ended_by):
             return f"{count}: the folder is already complete, nothing was done"
         before = len(self.committed) - self.passed_now
         kept = f", {before} of them kept from before" if before else ""
@@ -156,7 +158,10 @@ def write_results(folder: Path, result: RunResult, job: object) -> None:
     }
     report = {
         **head,
-        **{key: run[key] for key in ("frames", "committed", "exit_code", "figures", "warnings")},
+        **{
+            key: run[key]
+            for key in ("frames", "committed", "lost", "exit_code", "figures", "warnings")
+        },
         "skipped": [
             {"id": record.id, "index": record.index, **(record.skipped or {})}
             for record in result.skipped

@@ -63,17 +63,21 @@ def with_scans_put_right(
     source: FrameSequence[AnyFrame], scans: Scans | None
 ) -> FrameSequence[AnyFrame]:
     """The source with its scans as wanted, where anything is to be done to them."""
-    if scans is None:
+    wanted = None if scans is None else possible(source, scans)
+    if wanted is None:
         return source
+    return ChangedSource(source, wanted.note, partial(put_right, scans=wanted))
+
+
+def possible(source: FrameSequence[Any], scans: Scans) -> Scans | None:
+    """What of it can be done to the scans of a source; None for nothing."""
     deskew = scans.deskew if source.summary.turning_scans else "none"
     wanted = replace(scans, deskew=deskew)
-    if wanted == Scans("none"):
-        return source
-    return ChangedSource(source, wanted.note, partial(_put_right, scans=wanted))
+    return None if wanted == Scans("none") else wanted
 
 
-def _put_right(frame: Any, *, scans: Scans) -> Any:
-    """A pair with its scan put right; anything else as it is."""
+def put_right(frame: Any, *, scans: Scans) -> Any:
+    """A pair with its scan put right, as far as it knows how; anything else as it is."""
     if not isinstance(frame, StereoFrame) or frame.scan is None:
         return frame
     scan = frame.scan

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeVar, cast
 
 from pseudolidar.errors import NoClouds, NoPairs, PseudolidarError
+from pseudolidar.formats.recordings.message_store import LOST
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.disparity import DEFAULT_MIN_DEPTH_M
 from pseudolidar.structures.frame import StereoFrame
@@ -47,6 +48,11 @@ class SourceSummary:
     camera: str = ""
     nearest_m: float | None = None
     turning_scans: bool = False
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """Which of the notes tell of frames, or parts of them, that a damaged file held."""
+        return tuple(note for note in self.notes if note.startswith(LOST))
 
 
 class FrameSequence(Protocol[AnyFrame]):

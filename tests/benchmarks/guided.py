@@ -29,7 +29,8 @@ from pseudolidar.geometry.lasers import of_beams
 from pseudolidar.running.memory import keep_freed_memory
 from pseudolidar.sources.kitti.raw import KittiRaw
 from pseudolidar.sources.kitti.stereo import KittiStereo
-from pseudolidar.sources.source import FrameSource
+from pseudolidar.sources.scans_put_right import Scans, with_scans_put_right
+from pseudolidar.sources.source import FrameSource, pairs_of
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.reproject import Reproject
@@ -173,7 +174,8 @@ def main() -> None:
     drive = DATA / "kitti_raw" / "2011_09_26" / "2011_09_26_drive_0002_sync"
     stereo = list(matched_frames(KittiStereo(str(DATA / "kitti_stereo2015")).open()))
     print_table("KITTI stereo 2015", stereo)
-    raw = list(matched_frames(KittiRaw(str(drive)).open()))
+    source = pairs_of(with_scans_put_right(KittiRaw(str(drive)).open(), Scans()))
+    raw = list(matched_frames(source))
     print_table("KITTI raw, drive 0002", raw)
     print_times(stereo[0])
     if asked.picture is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 from dataclasses import replace
 
@@ -101,3 +102,25 @@ def test_pictures_with_depth_become_recordings(tmp_path, profile):
     assert summary.frames >= 1
     wanted = {"/camera/depth", "/points", "/tf", "/frame"}
     assert {topic for topic in wanted if summary.messages[topic] == summary.frames} == wanted
+
+
+def test_a_recording_that_lost_frames_is_not_all_done(drive, tmp_path, capsys):
+    """What is left is converted; what the cut took is told, and by the exit code too."""
+    assert main(["convert", str(drive), str(tmp_path / "whole"), "--to", "mcap"]) == 0
+    whole = next((tmp_path / "whole").glob("*.mcap")).read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: round(0.7 * len(whole))])
+    (tmp_path / "unfinished.mcap").write_bytes(whole[:-30])
+    capsys.readouterr()
+    for _ in range(2):  # the second time nothing is left to be done, and as much is lost
+        args = ["convert", str(tmp_path / "cut.mcap"), str(tmp_path / "out"), "--json"]
+        assert main(args) == 4
+        report = json.loads(capsys.readouterr().out)
+        assert 0 < report["committed"] < len(recognise(str(drive)).open().ids)
+        assert report["skipped"] == 0
+    (lost,) = report["lost"]
+    assert lost.startswith("lost: the last ")
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["lost"] == [lost]
+    assert main([*args[:-1]]) == 4
+    assert lost in capsys.readouterr().out
+    # only the index was lost, and no message
+    assert main(["convert", str(tmp_path / "unfinished.mcap"), str(tmp_path / "all")]) == 0

@@ -8,10 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud as PointCloudMessage
+from mcap.reader import make_reader
 from scipy.linalg import expm
 
 from pseudolidar.cli import main
-from pseudolidar.errors import UsageError
+from pseudolidar.errors import SequenceTime, UsageError
+from pseudolidar.formats.points.pcd import read_pcd
 from pseudolidar.formats.points.velodyne_bin import write_velodyne_bin
 from pseudolidar.formats.rigs.kitti import (
     CAM_TO_CAM,
@@ -143,6 +146,30 @@ def test_nothing_is_done_unless_it_is_known_and_wanted(drive, tmp_path):
     )
 
 
+@pytest.mark.parametrize("name", ["timestamps_start.txt", "timestamps_end.txt"])
+@pytest.mark.parametrize("content", [b"2011-09-26 13:02:25.1\nnoon\n", b"\xff\xfe\x00", b"1_000"])
+def test_times_of_turns_that_nobody_can_read_are_warned_of(name, content, drive, tmp_path, capsys):
+    """They only serve to move points; nothing else needs them."""
+    date = tmp_path / drive.parent.name
+    shutil.copytree(drive.parent, date)
+    path = date / drive.name / "velodyne_points" / name
+    path.write_bytes(content)
+    source = opened_with_rig(KittiRaw(str(date)), None, scans=Scans())
+    (warning,) = (note for note in source.summary.notes if note.startswith("warning:"))
+    assert "scans are not moved to one moment: SequenceTime" in warning
+    assert name in warning
+    assert source.load(0).scan.turn_ns is None
+    assert not any(note.startswith("scans:") for note in source.summary.notes)
+    if content.endswith(b"noon\n"):
+        assert "line 2" in warning
+        assert main(["convert", str(date), str(tmp_path / "out"), "--frames", "0"]) == 0
+        assert "noon" in capsys.readouterr().err
+    # the file that tells which scan belongs to which picture is another matter
+    path.with_name("timestamps.txt").write_bytes(content)
+    with pytest.raises(SequenceTime):
+        KittiRaw(str(date)).open()
+
+
 def test_beams_are_raised(drive):
     source = opened_with_rig(KittiRaw(str(drive)), None, scans=Scans("none", tilt_deg=0.2))
     assert "scans: beams raised by 0.2 degrees" in source.summary.notes
@@ -184,3 +211,38 @@ def test_scans_belong_to_pictures_by_time(drive, tmp_path):
     lines[1], lines[3] = lines[3], lines[1]
     (points / "timestamps.txt").write_text("\n".join(lines) + "\n")
     assert KittiRaw(str(date)).open().frames[1].scan.name == f"{1:010d}.bin"
+
+
+def test_clouds_are_guided_by_scans_put_right(drive, tmp_path, capsys):
+    """As by a LiDAR that stands; and what is recorded of a scan is what was stored."""
+    date = tmp_path / "standing" / drive.parent.name
+    shutil.copytree(drive.parent, date)
+    points = date / drive.name / "velodyne_points"
+    (points / "timestamps_end.txt").unlink()
+    write_velodyne_bin(
+        points / "data" / "0000000001.bin", LidarScan(world_of(drive, 1).astype(np.float32))
+    )
+    clouds = {}
+    for name, source, deskew in (
+        ("standing", date, "trigger"),
+        ("put right", drive, "trigger"),
+        ("as stored", drive, "none"),
+    ):
+        args = ["convert", source, tmp_path / name, "--guide", "scan", "--scans.deskew", deskew]
+        args += ["--frames", "1", "--frame", "camera_left", "--to", "pcd,mcap"]
+        assert main([str(each) for each in args]) == 0
+        told = "guide: scans: moved by the IMU's motion" in capsys.readouterr().err
+        assert told == (name == "put right")
+        clouds[name] = read_pcd(tmp_path / name / "pcd" / "0000000001.pcd").xyz
+    off_m = {
+        name: np.linalg.norm(cloud - clouds["standing"], axis=1) for name, cloud in clouds.items()
+    }
+    assert np.quantile(off_m["put right"], 0.95) < 0.002
+    assert np.quantile(off_m["as stored"], 0.95) > 0.05
+    (recording,) = (tmp_path / "put right").glob("*.mcap")
+    with recording.open("rb") as stream:
+        (message,) = (m for _, _, m in make_reader(stream).iter_messages(["/velodyne/points"]))
+    recorded = PointCloudMessage.FromString(message.data)
+    floats = np.frombuffer(recorded.data, np.float32).reshape(-1, recorded.point_stride // 4)
+    stored = KittiRaw(str(drive)).open().load(1).scan.xyz
+    np.testing.assert_array_equal(floats[:, :3], stored)

@@ -27,7 +27,7 @@ from pseudolidar.formats.mcap.records import (
     read_record,
     unpacked,
 )
-from pseudolidar.formats.recordings.message_store import Channel
+from pseudolidar.formats.recordings.message_store import LOST, Channel
 from pseudolidar.structures.arrays import AnyArray
 
 FOOTER_BYTES = RECORD_HEADER.size + 20
@@ -95,7 +95,7 @@ class _Declared:
             if not len(own):
                 continue
             if number not in self.channels:
-                lost.append(f"{len(own)} messages of channel {number}, which is not declared")
+                lost.append(f"{LOST}{len(own)} messages of channel {number}, which is not declared")
                 continue
             channels.append(self._channel(self.channels[number]))
             entries.append(own[np.argsort(own["time"], kind="stable")])
@@ -256,12 +256,12 @@ class _Scan:
         if self._lost_chunks:
             first = self._lost_chunks[0]
             yield (
-                f"lost: {len(self._lost_chunks)} damaged chunks with {self._lost_messages or '?'} "
+                f"{LOST}{len(self._lost_chunks)} damaged chunks with {self._lost_messages or '?'} "
                 f"messages, the first at {first.where} ({first.got}); {kept} messages are left"
             )
         if end is not None:
             yield (
-                f"lost: the last {self._size - offset} bytes, from byte {offset} on ({end.got}); "
+                f"{LOST}the last {self._size - offset} bytes, from byte {offset} on ({end.got}); "
                 f"{kept} messages are left"
             )
 

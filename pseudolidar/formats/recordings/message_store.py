@@ -12,6 +12,8 @@ from pseudolidar.structures.arrays import Int64
 
 # What a store says that its messages are serialised as.
 PROTOBUF, JSON, CDR, ROS1 = "protobuf", "json", "cdr", "ros1"
+# What notes on messages begin with that the container held and nobody can read any more.
+LOST = "lost: "
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,7 @@ class MessageStore(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is damaged and therefore missing."""
+        """What is damaged; what is missing for it begins with `LOST`."""
 
     @property
     def written_by(self) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from pseudolidar.errors import PseudolidarError, RecordingError
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.mcap.records import broken
-from pseudolidar.formats.recordings.message_store import ROS1, Channel, FileState, Place
+from pseudolidar.formats.recordings.message_store import LOST, ROS1, Channel, FileState, Place
 from pseudolidar.formats.ros.rosbag1_records import (
     OP_CHUNK,
     OP_CONNECTION,
@@ -152,7 +152,7 @@ class _Listing:
                 raise end
             kept = sum(map(len, entries))
             self._notes.append(
-                f"lost: the last {size - offset} bytes, from byte {offset} on ({end.got}); "
+                f"{LOST}the last {size - offset} bytes, from byte {offset} on ({end.got}); "
                 f"{kept} messages are left"
             )
         return Ros1Store(
@@ -198,7 +198,7 @@ class _Listing:
                     number = record.number(b"conn")
                     rows.setdefault(number, []).append((time_ns, chunk.offset, record.offset))
         except RecordingError as error:
-            self._notes.append(f"lost: a damaged chunk at {error.where} ({error.got})")
+            self._notes.append(f"{LOST}a damaged chunk at {error.where} ({error.got})")
             return
         for number, own in rows.items():
             self._entries.setdefault(number, []).append(np.array(own, ENTRY))
@@ -222,7 +222,7 @@ class _Listing:
                     if record.op == OP_CONNECTION:
                         self._connect(record)
             except RecordingError as error:
-                self._notes.append(f"lost: a damaged chunk at {error.where} ({error.got})")
+                self._notes.append(f"{LOST}a damaged chunk at {error.where} ({error.got})")
 
     def _connect(self, record: Record) -> None:
         inner = header_fields(record.data, record.offset)

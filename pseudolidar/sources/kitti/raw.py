@@ -121,6 +121,7 @@ class KittiRaw:
                 *_date_note(drive, calibration),
                 *stray_note("velodyne", scans, scan_of.values()),
                 *renumbered_note(scan_of),
+                *scan_times.notes,
             ),
             first_oxts=first_oxts,
             limits=self.limits,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pseudolidar.errors import PseudolidarError
 from pseudolidar.formats.limits import Limits
 from pseudolidar.formats.timestamps import read_timestamps
 from pseudolidar.sources.numbered import FrameNumber, NumberedFiles
@@ -36,21 +37,28 @@ class ScanTimes:
         forward_ns: `timestamps.txt`.
         begin_ns: `timestamps_start.txt`.
         end_ns: `timestamps_end.txt`.
+        notes: what is wrong with the last two. They only tell when single points were taken, so
+            that scans stay as they are stored without them.
     """
 
     forward_ns: Sequence[int | None] = ()
     begin_ns: Sequence[int | None] = ()
     end_ns: Sequence[int | None] = ()
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def read(cls, folder: Path, limits: Limits) -> ScanTimes:
         """Those of `velodyne_points`.
 
         Raises:
-            SequenceTime: a line that is no date.
+            SequenceTime: a line of `timestamps.txt` that is no date.
         """
-        paths = [folder / f"timestamps{name}.txt" for name in ("", "_start", "_end")]
-        return cls(*(read_timestamps(p, limits=limits) if p.is_file() else () for p in paths))
+        forward, begin, end = (folder / f"timestamps{name}.txt" for name in ("", "_start", "_end"))
+        try:
+            return cls(_stamps(forward, limits), _stamps(begin, limits), _stamps(end, limits))
+        except PseudolidarError as error:
+            note = f"warning: scans are not moved to one moment: {error}"
+            return cls(_stamps(forward, limits), notes=(note,))
 
     def of(self, number: FrameNumber, path: Path) -> TimedScan:
         """The scan of this number."""
@@ -62,6 +70,11 @@ class ScanTimes:
         if begin is not None and end is not None and begin < end:
             turn_ns = begin, end
         return TimedScan(path, forward, turn_ns)
+
+
+def _stamps(path: Path, limits: Limits) -> tuple[int | None, ...]:
+    """Of a file; none where it is absent."""
+    return read_timestamps(path, limits=limits) if path.is_file() else ()
 
 
 def scans_of_pictures(
