@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -16,6 +17,7 @@ from pseudolidar.clouds.normals import Normals
 from pseudolidar.clouds.outliers import Lonely
 from pseudolidar.clouds.thin import Density, Uniform, Voxel
 from pseudolidar.clouds.tool import CloudTools
+from pseudolidar.errors import PseudolidarError
 from pseudolidar.formats.mcap.content import McapContent
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in, placed
@@ -23,6 +25,7 @@ from pseudolidar.geometry.depth import depth_map
 from pseudolidar.geometry.frames import camera_tree
 from pseudolidar.running.apart import check_apart, paths_read
 from pseudolidar.running.bad_frames import OnError
+from pseudolidar.running.body_clouds import joined_on_body
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
@@ -49,6 +52,7 @@ from pseudolidar.running.reports.samples import sampled_frames
 from pseudolidar.running.run import Run
 from pseudolidar.running.settings_schema import described
 from pseudolidar.running.stream import stream
+from pseudolidar.sources.body import parts_of
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.scans_put_right import Scans, possible, put_right
@@ -64,10 +68,12 @@ from pseudolidar.stereo.given_maps import StoredSteps
 from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.stereo.sgbm import Bm, Sgbm
+from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
 
 _log = logging.getLogger(__name__)
+MATCHED = (StereoFrame, BodyFrame)
 
 
 @dataclass(frozen=True)
@@ -85,7 +91,8 @@ class Convert:
     Args:
         source: KITTI raw, object, odometry or stereo data, Middlebury or ETH3D scenes, folders of
             pictures of two eyes or of pictures and depth, videos of two eyes, clouds, recordings,
-            synthetic:NAME.
+            several pairs on one body (rig.json and a folder for each pair: their clouds are joined
+            in base_link, column `source` says which pair saw a point), synthetic:NAME.
         out: output folder.
         to: what is written of each frame, a comma list: pcd, pcd:compressed, pcd:ascii, ply,
             ply:ascii, bin, npz, disparity, depth, mcap; kitti (training tree of OpenPCDet and
@@ -130,8 +137,9 @@ class Convert:
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
             By default what the data set says of its scenes, else 3.
         frame: coordinate frame of the clouds: velodyne, camera_left or base_link, by default
-            velodyne where that is calibrated, else camera_left; of recorded clouds any that the
-            source knows, by default their own. `.bin` is always x forward.
+            velodyne where that is calibrated, else camera_left, of several pairs base_link; of
+            recorded clouds any that the source knows, by default their own. `.bin` is always x
+            forward.
         swap: exchange left and right pictures.
         check: look at the first, the middle and the last pair before the run: swapped eyes, rows
             that are off and a calibration for another size stop it, other oddities are warned of.
@@ -196,6 +204,11 @@ class Convert:
         return CrewPlan(self.workers, self.timeout, self.isolate, self.memory_limit)
 
     @property
+    def for_pair(self) -> Convert:
+        """The same for one pair of a body: points of its left camera, nothing to write."""
+        return replace(self, frame="camera_left", to=Outputs(("npz",)), video=False)
+
+    @property
     def given(self) -> GivenSettings:
         """Maps in place of a matcher."""
         return GivenSettings(
@@ -236,7 +249,7 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
         if job.video:
             write_preview(run, source, job.preview)
     result = run.result()
-    chosen = {"matcher": job.matched_by} if source.yields is StereoFrame else {}
+    chosen = {"matcher": job.matched_by} if source.yields in MATCHED else {}
     page = write_conversion_page(job.out, result, source.rig, settings=chosen)
     return ConvertReport(result, job.out, job.to, page)
 
@@ -252,6 +265,7 @@ class ConvertFrame:
         frame: coordinate frame of the clouds, None for the usual one of what a frame knows.
         tools: what is done to clouds in that frame.
         encode: all that to the bytes of files and recording.
+        of_pair: the same for each pair of a body, by its name.
     """
 
     match: MatchFrame
@@ -260,6 +274,7 @@ class ConvertFrame:
     frame: CloudFrame | None
     tools: CloudTools
     encode: FrameEncoder
+    of_pair: Mapping[str, ConvertFrame] = field(default_factory=dict)
 
     @classmethod
     def of(cls, job: Convert, source: FrameSequence[Frame]) -> ConvertFrame:
@@ -284,7 +299,7 @@ class ConvertFrame:
         paired = source.yields is StereoFrame  # else no kernel is needed, which take a second
         reproject = job.reproject.load() if paired else Reprojector(job.reproject)
         guide = Guide.unused()
-        if job.guide is not None:
+        if job.guide is not None and source.yields is not BodyFrame:  # that is guided pair by pair
             guide = job.guide.load(
                 pairs_of(source).rig, put_right=partial(put_right, scans=job.scans)
             )
@@ -293,7 +308,8 @@ class ConvertFrame:
         tools = CloudTools.load(job.outliers, job.ground, job.crop, normals, beams, job.thin)
         trees = Trees.of(job.to.trees, job.kitti, job.colmap, source)
         encode = FrameEncoder(job.to, job.mcap, trees, sampled_frames(source.ids))
-        plain = cls(match, reproject, guide, job.frame, tools, encode)
+        of_pair = {name: cls.of(job.for_pair, part) for name, part in parts_of(source).items()}
+        plain = cls(match, reproject, guide, job.frame, tools, encode, of_pair)
         if not job.video:
             return plain
         artist = PreviewArtist.of(job.preview, source, plain.converted, crew=job.crew)
@@ -323,7 +339,28 @@ class ConvertFrame:
                 cloud = self.reproject.of_depth(frame)
                 cloud = placed(cloud, camera_tree(frame.camera, frame.pose), self.frame)
                 converted = Converted(frame, cloud, depth=frame.depth)
+            case BodyFrame():
+                converted = self.body(frame)
         return converted.tooled(self.tools)
+
+    def body(self, frame: BodyFrame) -> Converted:
+        """Every pair of a body, their clouds joined; a pair that shows nothing is noted.
+
+        Raises:
+            PseudolidarError: not one pair shows anything.
+        """
+        parts, faults = dict[str, Converted](), dict[str, PseudolidarError]()
+        for name, pair in frame.pairs.items():
+            try:
+                parts[name] = self.of_pair[name].pair(pair)
+            except PseudolidarError as fault:
+                faults[name] = fault
+        if not parts:
+            raise next(iter(faults.values()))
+        lost = (f"{name} left out: {fault}" for name, fault in faults.items())
+        converted = joined_on_body(frame, parts, lost)
+        cloud = placed(converted.cloud, converted.tree, self.frame)
+        return replace(converted, cloud=cloud)
 
     def pair(self, frame: StereoFrame) -> Converted:
         """Match, refine, clean, reproject, guide."""
@@ -353,6 +390,6 @@ def opened(job: Convert) -> FrameSequence[Frame]:
     tell(source)
     if job.guide is not None and (scans := possible(source, job.scans)):
         _log.info("guide: %s", scans.note)
-    if source.yields is StereoFrame:
+    if source.yields in MATCHED:
         _log.info("matcher: %s", job.matched_by)
     return source

@@ -11,6 +11,7 @@ from pseudolidar.formats.recordings.kinds import METADATA_FILE, recordings_in
 from pseudolidar.running.journal.journal_file import JOURNAL_NAME, read_journal
 from pseudolidar.running.products.compared_outputs import TOGETHER
 from pseudolidar.running.products.outputs import KINDS, MAPS, folder_of
+from pseudolidar.sources.body import Body, pair_folders
 from pseudolidar.sources.cloud_files import CloudFiles, cloud_files_of
 from pseudolidar.sources.recognise import Source
 from pseudolidar.sources.recording.recording import Recording
@@ -101,5 +102,8 @@ def paths_read(source: Source, *others: Path | None) -> Iterator[Path]:
         case Recording():
             yield place / METADATA_FILE
             yield from recordings_in(place)
+        case Body():
+            yield source.rig_file
+            yield from (place / name for name in pair_folders(source))
         case Video(right=str(right)):
             yield Path(right)

@@ -22,11 +22,13 @@ from pseudolidar.running.crew.attempt import Done, Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.crew.in_flight import InFlight
 from pseudolidar.running.stream import stream
+from pseudolidar.sources.body import parts_of
 from pseudolidar.sources.other_rig import replaced_rig
 from pseudolidar.sources.selection import whole
 from pseudolidar.sources.source import FrameSequence, evenly_placed, pairs_of
 from pseudolidar.sources.swapped import EXCHANGED
 from pseudolidar.structures.arrays import Image
+from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import Frame
@@ -180,6 +182,12 @@ def preflight(
     Raises:
         PairSwapped, NotRectified, CalibrationSizeMismatch: the pairs would make no metres.
     """
+    if wanted and source.yields is BodyFrame:
+        return tuple(
+            f"{name}: {warning}"
+            for name, part in parts_of(source).items()
+            for warning in preflight(part, wanted=True, crew=crew, in_flight=in_flight, mends=mends)
+        )
     if not wanted or source.yields is not StereoFrame or source.summary.kind == "synthetic":
         return ()
     check = check_source(source, crew=crew, in_flight=in_flight)

@@ -16,6 +16,7 @@ from pseudolidar.formats.rigs.rig_json import rig_notes
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.geometry.frames import BASE_LINK, left_in_base_link
 from pseudolidar.sources.aligned_rows import with_rows_aligned
+from pseudolidar.sources.body import Body, with_rig_file
 from pseudolidar.sources.changed import ChangedSource
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.recording.recording import Recording
@@ -96,6 +97,8 @@ def _opened(
         return own.open()
     if rig is None:
         return settings.open()
+    if isinstance(settings, Body):
+        return with_rig_file(settings, rig).open()
     if isinstance(settings, Recording):
         own_rig = replace(settings, rig=str(rig), scale_calibration=scale_calibration)
         return replace(own_rig, rig_unit=unit or own_rig.rig_unit).open()

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pseudolidar.errors import SourceUnknown
 from pseudolidar.formats.recordings.kinds import recordings_in
+from pseudolidar.sources.body import Body
 from pseudolidar.sources.cloud_files import CloudFiles
 from pseudolidar.sources.folder import Folders, seen_in
 from pseudolidar.sources.kitti.object import KittiObject
@@ -25,6 +26,7 @@ Source = (
     | KittiStereo
     | KittiOdometry
     | Middlebury
+    | Body
     | Folders
     | TumDepth
     | Video
@@ -41,6 +43,7 @@ LAYOUTS = (
     KittiOdometry,
     Middlebury,
     Recording,
+    Body,
     Folders,
     TumDepth,
     Video,
@@ -51,6 +54,7 @@ LOOKED_FOR = (
     "pairs of pictures (folders left and right, names with left and right, _l and _r, "
     "im0 and im1), videos (left.mp4 and right.mp4, _l and _r, _0 and _1, or one with both eyes), "
     "pictures with depth (folders rgb and depth), "
+    "a rig.json of several pairs with a folder for each, "
     "files of clouds (pcd, ply, bin, npz), a recording (MCAP, ROS bag), "
     "or synthetic:street"
 )

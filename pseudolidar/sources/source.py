@@ -9,6 +9,7 @@ from typing import Protocol, TypeVar, cast
 
 from pseudolidar.errors import NoClouds, NoPairs, PseudolidarError
 from pseudolidar.formats.recordings.message_store import LOST
+from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.disparity import DEFAULT_MIN_DEPTH_M
 from pseudolidar.structures.frame import StereoFrame
@@ -22,6 +23,7 @@ KIND_NAMES: dict[type[Frame], str] = {
     StereoFrame: "pairs of pictures",
     DepthFrame: "pictures with depth",
     RecordedCloud: "point clouds",
+    BodyFrame: "pairs of several rigs on one body",
 }
 
 

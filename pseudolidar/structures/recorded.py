@@ -9,6 +9,7 @@ import numpy as np
 
 from pseudolidar.errors import StructureError
 from pseudolidar.structures.arrays import Image, check_array
+from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.camera import Camera
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DepthMap
@@ -85,4 +86,4 @@ class RecordedCloud:
     notes: tuple[str, ...] = ()
 
 
-Frame: TypeAlias = StereoFrame | DepthFrame | RecordedCloud
+Frame: TypeAlias = StereoFrame | DepthFrame | RecordedCloud | BodyFrame

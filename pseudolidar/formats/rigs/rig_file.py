@@ -11,6 +11,7 @@ from pseudolidar.errors import (
     CalibrationSyntax,
 )
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.rigs.body_json import MARK, read_pair
 from pseudolidar.formats.rigs.k_txt import read_k_txt
 from pseudolidar.formats.rigs.kalibr import is_camchain, read_camchain
 from pseudolidar.formats.rigs.key_values import KEY
@@ -35,6 +36,7 @@ from pseudolidar.formats.rigs.rig_json import missing_rig, read_rig, rig_notes
 from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit
 from pseudolidar.formats.rigs.storage import read_storage
 from pseudolidar.formats.text import read_lines
+from pseudolidar.structures.camera import StereoRig
 
 # Files that a folder of pictures can have its rig in, the surest first.
 RIG_FILES = ("rig.json", "calib.txt", "K.txt", "k.txt", "intrinsic.txt")
@@ -81,8 +83,9 @@ def read_any_rig(
     """Read the calibration of a pair, whatever program wrote it.
 
     Args:
-        path: a file; a folder with intrinsics and extrinsics or with a file for each eye; two
-            files with a comma between them, the left camera's first.
+        path: a file (of several pairs with the name of one: `rig.json#front`); a folder with
+            intrinsics and extrinsics or with a file for each eye; two files with a comma between
+            them, the left camera's first.
         size_px: (width, height) of the pictures, for files that do not say it.
         unit: of lengths in files that do not say it.
         limits: cap on the files.
@@ -93,6 +96,8 @@ def read_any_rig(
             the format's reader says.
     """
     path = Path(path)
+    if not path.exists() and MARK in path.name:
+        return _own(path, read_pair(path, limits=limits))
     if not path.exists() and "," in str(path):
         return _two_files(path, size_px, unit, limits)
     if path.is_dir():
@@ -103,9 +108,7 @@ def read_any_rig(
     words = [line.text for line in lines if line.text.strip(" \t")]
     first = words[0].lstrip(" \t") if words else ""
     if path.suffix.lower() == ".json" and _is_own(words):
-        rig = read_rig(path, limits=limits)
-        rectified = rig if rig.is_rectified else None
-        return RigReading(path, "rig.json", rectified, rig, rig_notes(rig))
+        return _own(path, read_rig(path, limits=limits))
     if first.startswith(("<", "{", "%YAML", "---")) or path.suffix.lower() in SUFFIXES:
         return _storage_file(path, size_px, unit, limits)
     if is_middlebury_calib("\n".join(words)):
@@ -117,6 +120,11 @@ def read_any_rig(
     if sum(len(line.words()) for line in lines) > 10:
         return _kitti(path, size_px, limits)
     return read_k_txt(path, size_px=_known(size_px, path), unit=unit, limits=limits)
+
+
+def _own(path: Path, rig: StereoRig) -> RigReading:
+    rectified = rig if rig.is_rectified else None
+    return RigReading(path, "rig.json", rectified, rig, rig_notes(rig))
 
 
 def _is_own(lines: list[str]) -> bool:

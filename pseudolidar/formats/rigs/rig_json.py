@@ -14,6 +14,7 @@ from typing import Any, cast
 import numpy as np
 
 from pseudolidar.errors import (
+    CalibrationField,
     CalibrationMissing,
     CalibrationSyntax,
     CalibrationValue,
@@ -22,6 +23,7 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.rigs.placed import Node
 from pseudolidar.formats.rigs.rig_fields import MINIMAL_RIG, count, fields_of, text, truth
 from pseudolidar.formats.rigs.rig_parts import (
     IMU,
@@ -44,7 +46,6 @@ from pseudolidar.structures.pose import Pose, rotation_error
 
 SCHEMA = 1
 OPTIONAL = (
-    "$schema",
     "origin",
     "right",
     "baseline_m",
@@ -91,33 +92,64 @@ def missing_rig(path: str | Path) -> CalibrationMissing:
 def parse_rig(document: str, path: str | Path) -> StereoRig:
     """The rig in `document`; `path` names it in errors. Raises as `read_rig`."""
     root = parse_json(document, path)
-    fields = fields_of(root, ("schema", "width_px", "height_px", "left"), OPTIONAL)
-    if count(fields["schema"]) != SCHEMA:
+    if isinstance(root.value, dict) and "pairs" in root.value:
+        raise _several(root.value["pairs"], path)
+    try:
+        rig, fields = rig_of_fields(root, ("schema",), ("$schema",))
+    except PseudolidarError as error:
+        raise error.located(path) from None
+    checked_schema(fields["schema"])
+    return rig
+
+
+def _several(pairs: Node, path: str | Path) -> CalibrationField:
+    names = list(pairs.value) if isinstance(pairs.value, dict) else []
+    return CalibrationField(
+        f"{len(names)} pairs: {', '.join(names)}",
+        want="one of them",
+        fix=f"Name it: {path}#{names[0] if names else 'NAME'}.",
+        path=path,
+        where=pairs.where,
+    )
+
+
+def checked_schema(node: Node) -> None:
+    """Raise `CalibrationValue` unless a file is of the version that is read here."""
+    if count(node) != SCHEMA:
         raise CalibrationValue(
-            f"schema {fields['schema'].value!r}",
+            f"schema {node.value!r}",
             want=str(SCHEMA),
             fix="A newer version of the program may have written it.",
-            path=path,
-            where=fields["schema"].where,
+            path=node.path,
+            where=node.where,
         )
+
+
+def rig_of_fields(
+    node: Node, required: tuple[str, ...] = (), optional: tuple[str, ...] = ()
+) -> tuple[StereoRig, dict[str, Node]]:
+    """The rig of an object, and its fields; those of a rig file, and others beside them.
+
+    Raises:
+        CalibrationSyntax, CalibrationField, CalibrationValue: as `read_rig`.
+    """
+    fields = fields_of(node, (*required, "width_px", "height_px", "left"), (*OPTIONAL, *optional))
     size = count(fields["width_px"]), count(fields["height_px"])
     left = camera(fields["left"], size, LEFT)
     right = camera(fields.get("right", fields["left"]), size, RIGHT)
-    try:
-        return StereoRig(
-            left,
-            right,
-            T_right_left(root, fields),
-            T_left_velodyne=optional_pose(fields, "T_left_velodyne", LEFT, VELODYNE),
-            T_velodyne_imu=optional_pose(fields, "T_velodyne_imu", VELODYNE, IMU),
-            correction=correction(fields["correction"]) if "correction" in fields else None,
-            rows=rows(fields["rows"]) if "rows" in fields else None,
-            quality=quality(fields["quality"]) if "quality" in fields else None,
-            origin=text(fields["origin"]) if "origin" in fields else "",
-            metric=truth(fields["metric"]) if "metric" in fields else True,
-        )
-    except PseudolidarError as error:
-        raise error.located(path) from None
+    rig = StereoRig(
+        left,
+        right,
+        T_right_left(node, fields),
+        T_left_velodyne=optional_pose(fields, "T_left_velodyne", LEFT, VELODYNE),
+        T_velodyne_imu=optional_pose(fields, "T_velodyne_imu", VELODYNE, IMU),
+        correction=correction(fields["correction"]) if "correction" in fields else None,
+        rows=rows(fields["rows"]) if "rows" in fields else None,
+        quality=quality(fields["quality"]) if "quality" in fields else None,
+        origin=text(fields["origin"]) if "origin" in fields else "",
+        metric=truth(fields["metric"]) if "metric" in fields else True,
+    )
+    return rig, fields
 
 
 def write_rig(path: str | Path, rig: StereoRig) -> None:
@@ -132,8 +164,13 @@ def write_rig(path: str | Path, rig: StereoRig) -> None:
 
 def rig_text(rig: StereoRig) -> str:
     """The rig as text of a rig file."""
+    return pretty({"schema": SCHEMA} | rig_fields_of(rig)) + "\n"
+
+
+def rig_fields_of(rig: StereoRig) -> dict[str, Any]:
+    """The fields of a rig file without its version."""
     _check_frames(rig)
-    fields: dict[str, Any] = {"schema": SCHEMA}
+    fields: dict[str, Any] = {}
     if rig.origin:
         fields["origin"] = rig.origin
     fields |= {"width_px": rig.left.width_px, "height_px": rig.left.height_px}
@@ -146,11 +183,11 @@ def rig_text(rig: StereoRig) -> str:
     if along_row and np.array_equal(rig.T_right_left.matrix[:3, :3], np.eye(3)):
         fields["baseline_m"] = -float(t_m[0])
     else:
-        fields["T_right_left"] = _pose_fields(rig.T_right_left)
+        fields["T_right_left"] = pose_fields(rig.T_right_left)
     for name in ("T_left_velodyne", "T_velodyne_imu"):
         pose = getattr(rig, name)
         if pose is not None:
-            fields[name] = _pose_fields(pose)
+            fields[name] = pose_fields(pose)
     for name, part in (("correction", rig.correction), ("rows", rig.rows)):
         if part is not None:
             fields[name] = {
@@ -162,7 +199,7 @@ def rig_text(rig: StereoRig) -> str:
         fields["correction"] |= _uncertainty_fields(rig.correction)
     if rig.quality is not None:
         fields["quality"] = quality_fields(rig.quality)
-    return _pretty(fields) + "\n"
+    return fields
 
 
 def _uncertainty_fields(correction: DisparityCorrection) -> dict[str, Any]:
@@ -219,15 +256,16 @@ def _camera_fields(camera: Camera, size_px: tuple[int, int]) -> dict[str, Any]:
     return fields
 
 
-def _pose_fields(pose: Pose) -> dict[str, Any]:
+def pose_fields(pose: Pose) -> dict[str, Any]:
+    """The fields of a pose."""
     return {"R": pose.matrix[:3, :3].tolist(), "t_m": pose.matrix[:3, 3].tolist()}
 
 
-def _pretty(value: Any, indent: str = "") -> str:
+def pretty(value: Any, indent: str = "") -> str:
     """JSON with a line for each key and each row of a matrix."""
     inner = indent + "  "
     if isinstance(value, dict):
-        rows = [f"{json.dumps(key)}: {_pretty(item, inner)}" for key, item in value.items()]
+        rows = [f"{json.dumps(key)}: {pretty(item, inner)}" for key, item in value.items()]
         return "{\n" + ",\n".join(inner + row for row in rows) + f"\n{indent}}}"
     if isinstance(value, list) and value and isinstance(value[0], list):
         return "[\n" + ",\n".join(inner + json.dumps(row) for row in value) + f"\n{indent}]"

@@ -8,13 +8,14 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from pseudolidar.errors import CalibrationField, StructureError
+from pseudolidar.errors import CalibrationField, NoPairs, StructureError
 from pseudolidar.geometry.depth import depth_map
 from pseudolidar.geometry.frame_chain import chain
 from pseudolidar.geometry.triangulation import disparity_from_depth
 from pseudolidar.sources.source import FrameSequence
 from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from pseudolidar.structures.frame import LidarScan, StereoFrame
@@ -100,6 +101,8 @@ class OtherSource:
                 assert self.matcher is not None
                 depth = depth_map(self.matcher(pair), pair.rig)
                 return replace(frame, scan=None, truth=disparities_of(depth, frame))
+            case BodyFrame():
+                raise NoPairs("pairs of several rigs", want="pairs of one rig, clouds, or depths")
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from pseudolidar.sources.cloud_files import CloudFileSource
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.folder_layout import find_layout
 from pseudolidar.sources.source import KIND_NAMES, FrameSequence
+from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.frame import LidarScan, StereoFrame
@@ -161,6 +162,9 @@ def look_at(frame: Frame) -> FrameLook:
             there |= {"pose": frame.pose, "ground_truth_disparity": frame.truth}
             counts = {name: 1 for name, value in there.items() if value is not None}
             counts |= {"labelled_objects": len(frame.labels)} if frame.labels else {}
+            return FrameLook(_of_scan(frame.scan), counts | _noted(frame))
+        case BodyFrame():
+            counts = {f"pair {name}": 1 for name in frame.pairs}
             return FrameLook(_of_scan(frame.scan), counts | _noted(frame))
 
 

@@ -10,6 +10,7 @@ from pseudolidar.clouds.tool import CloudTools, seen_in
 from pseudolidar.geometry.cloud_frames import forward_frame, left_in, turned_forward
 from pseudolidar.geometry.frames import camera_tree, frame_tree
 from pseudolidar.structures.arrays import UInt8
+from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from pseudolidar.structures.frame import StereoFrame
@@ -55,6 +56,8 @@ class Converted:
                 return seen_in(camera.frame, camera_tree(camera, pose))
             case RecordedCloud(cloud=cloud, tree=tree):
                 return seen_in(cloud.frame, tree)
+            case BodyFrame():  # has become the cloud of its pairs
+                return seen_in(self.cloud.frame, ())
 
     def tooled(self, tools: CloudTools) -> Self:
         """The same with what `tools` make of its cloud, and their figures among the counts."""
