@@ -136,14 +136,15 @@ def test_two_fits_differ_by_what_their_covariances_say():
     assert 0.4 < np.sqrt(np.mean(np.square(ratios))) < 1.6
 
 
-@pytest.mark.parametrize("each", [60, 1000])
-def test_a_sparse_reference_is_no_perfect_rig(each):
+@pytest.mark.parametrize(("each", "least_px"), [(60, 0.1), (1000, 0.25)])
+def test_a_sparse_reference_is_no_perfect_rig(each, least_px):
     """Points of a LiDAR with few beams: no block of a frame has many, and errors are seen still."""
     data = samples(frames=20, each=each, drift_px=0.3, outliers=0.0)
     found = refined(data)
     assert found.choice.chosen.name != "none"
     assert found.choice.candidates[0].left_px > 0.3
-    assert found.correction.residual_px > 0.1
+    # frames drift by 0.3 px: 1000 points of each show it, of 60 only a part
+    assert least_px < found.correction.residual_px < 0.45
 
 
 def test_the_covariance_leaves_no_direction_out():
