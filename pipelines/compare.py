@@ -21,7 +21,13 @@ from pseudolidar.running.comparing.cloud_of_pair import distances_of
 from pseudolidar.running.comparing.clouds import OWN_SCANS, holds_clouds, other_clouds
 from pseudolidar.running.comparing.compared_clouds import compared_clouds
 from pseudolidar.running.comparing.drives import Drives, drives_below, recognise_drives
-from pseudolidar.running.comparing.gathered import AGAINST, Gathered, Judged, Missing
+from pseudolidar.running.comparing.gathered import (
+    AGAINST,
+    Gathered,
+    Judged,
+    Missing,
+    nothing_in_common,
+)
 from pseudolidar.running.comparing.gathering import (
     Doing,
     ended_well,
@@ -53,6 +59,7 @@ from pseudolidar.running.reports.clouds_page import write_clouds_page
 from pseudolidar.running.reports.clouds_report import CloudsReport
 from pseudolidar.running.reports.comparison_files import (
     RESULTS,
+    check_results,
     clouds_csv,
     comparison_csv,
     drives_csv,
@@ -268,6 +275,9 @@ def run_pairs(job: Compare, source: FrameSequence[StereoFrame]) -> ComparisonRep
         gathered = Gathered.read(job.out, ended_well(run.result()))
     if not gathered.frames:
         raise missing.error()
+    if not any(map(len, gathered.frames)):
+        got = "no point of its references is in the left camera's view"
+        raise nothing_in_common(source.summary, got)
     compared = compare_frames(
         gathered.frames,
         subject=f"{job.matched_by} on {source.summary.line}",
@@ -289,6 +299,7 @@ def run_clouds(job: Compare, source: FrameSequence[RecordedCloud]) -> CloudsRepo
     """Nearest neighbours between every cloud and its reference; then figures, intervals."""
     if job.out is not None:
         check_usable(job.out)
+        check_results(job.out, result_settings(job), overwrite=job.overwrite)
     per_frame = OWN_SCANS if job.owned else other_clouds(job.reference, source)
     report = compared_clouds(
         source,
@@ -320,6 +331,8 @@ def run_all(job: Compare) -> DrivesReport:
         raise UsageError(
             f"--all with {job.reference} as reference", want="scans or truth of the drives' own"
         )
+    if job.out is not None:
+        check_results(job.out, result_settings(job), overwrite=job.overwrite)
     pool = PointPool(job.bins, most=MAX_POINTS)
     reports, failed = dict[str, ComparisonReport](), dict[str, PseudolidarError]()
     for drive in drives_below(job.source):

@@ -101,16 +101,21 @@ def in_view(xyz: Float64, *, of: Float64) -> Bool:
         return np.zeros(len(xyz), np.bool_)
     farthest_m = np.quantile(np.linalg.norm(of, axis=1), 1 - OUTSIDE)
     inside = np.asarray(np.linalg.norm(xyz, axis=1) <= farthest_m)
-    for own, other in zip(_directions(xyz), _directions(of), strict=True):
+    towards = float(np.arctan2(*(of[:, :2].mean(axis=0)[::-1])))
+    for own, other in zip(_directions(xyz, towards), _directions(of, towards), strict=True):
         low, high = np.quantile(other, (OUTSIDE, 1 - OUTSIDE))
         inside &= (own >= low) & (own <= high)
     return inside
 
 
-def _directions(xyz: Float64) -> tuple[Float64, Float64]:
-    """Azimuth and elevation, rad."""
+def _directions(xyz: Float64, towards: float) -> tuple[Float64, Float64]:
+    """Azimuth from the direction `towards`, -pi to pi, and elevation, rad."""
     x, y, z = xyz.T
-    return np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
+    ahead, aside = (
+        np.cos(towards) * x + np.sin(towards) * y,
+        np.cos(towards) * y - np.sin(towards) * x,
+    )
+    return np.arctan2(aside, ahead), np.arctan2(z, np.hypot(x, y))
 
 
 def _thinned(xyz: Float64, most: int | None) -> Float64:

@@ -42,6 +42,15 @@ def test_a_hole_costs_completeness_and_no_accuracy():
     assert found["f_score_0_1"] == pytest.approx(2 * recall / (1 + recall))
 
 
+def test_sensors_that_look_backwards_or_apart():
+    behind = wall(8.0) * np.array([-1, 1, 1])  # across the border of azimuths
+    inside = in_view(np.concatenate([behind, wall(8.0), wall(8.0)[:, [1, 0, 2]]]), of=behind)
+    assert inside[: len(behind)].mean() > 0.95
+    assert not inside[len(behind) :].any()
+    apart = cloud_distances(wall(8.0), behind)
+    assert len(apart.accuracy_m) == len(apart.completeness_m) == 0
+
+
 def test_what_only_one_sensor_reaches_does_not_count():
     seen = wall(8.0)
     beside = seen + np.array([0, 6, 0])

@@ -279,6 +279,45 @@ def test_frames_that_do_not_belong_together_are_refused(kitti, tmp_path, capsys)
     assert told["error"]["code"] == "SourceEmpty"
 
 
+def mirrored(folder: Path, into: Path) -> Path:
+    """Clouds as of a sensor that looks the other way."""
+    into.mkdir()
+    for path in sorted(folder.iterdir()):
+        cloud = read_cloud(path)
+        write_ply(into / path.name, replace(cloud, xyz=-cloud.xyz))
+    return into
+
+
+def test_what_has_no_view_in_common_is_refused(kitti, converted, tmp_path, capsys):
+    behind = mirrored(converted / "ply", tmp_path / "behind")
+    told = result(capsys, converted / "ply", "--reference", behind, code=3)
+    assert "have a view in common" in told["error"]["got"]
+    told = result(capsys, kitti / "one", "--reference", behind, code=3)
+    assert "no point of its references is in the left camera's view" in told["error"]["got"]
+    assert told["error"]["code"] == "ReferenceMissing"
+
+
+def test_results_of_something_else_are_not_replaced(kitti, converted, tmp_path, capsys):
+    clouds, out = converted / "ply", tmp_path / "out"
+    moved = tmp_path / "moved"
+    shutil.copytree(clouds, moved)
+    page = (converted / "report.html").read_bytes()
+    told = result(capsys, moved, "--reference", clouds, "--out", converted, code=2)
+    assert told["error"]["got"] == "the folder holds another run"
+    assert (converted / "report.html").read_bytes() == page
+    for _ in range(2):  # again the same
+        assert compare(moved, "--reference", clouds, "--out", out) == 0
+    told = result(capsys, moved, "--reference", clouds, "--out", out, "--bins", "5,9", code=2)
+    assert (told["error"]["where"], told["error"]["code"]) == ("bins", "OutputSettings")
+    args = ("--reference", clouds, "--out", out, "--bins", "5,9", "--overwrite")
+    assert compare(moved, *args) == 0
+    told = result(capsys, kitti, "--out", out, "--all", "--to", "none", code=2)
+    assert told["error"]["code"] == "OutputSettings"
+    (out / "compare.json").write_text("[]")
+    told = result(capsys, moved, "--reference", clouds, "--out", out, code=2)
+    assert told["error"]["got"] == "results that cannot be read"
+
+
 def test_clouds_with_clouds(converted, tmp_path, capsys):
     recording = next(converted.glob("*.mcap"))
     for path in sorted((converted / "ply").iterdir()):

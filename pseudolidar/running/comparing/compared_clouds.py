@@ -8,7 +8,7 @@ from pseudolidar.evaluation.cloud_distances import CloudDistances
 from pseudolidar.evaluation.comparison.bins import DepthBins
 from pseudolidar.evaluation.comparison.clouds import compare_clouds
 from pseudolidar.running.bad_frames import OnError
-from pseudolidar.running.comparing.gathered import Missing, bare
+from pseudolidar.running.comparing.gathered import Missing, bare, nothing_in_common
 from pseudolidar.running.comparing.pass_through import pass_through
 from pseudolidar.running.comparing.references import SCAN
 from pseudolidar.running.crew.attempt import AnyFrame
@@ -46,7 +46,7 @@ def compared_clouds(
         check: look at a few pairs first.
 
     Raises:
-        ReferenceMissing: no frame has a reference.
+        ReferenceMissing: no frame has a reference, or none in its view.
     """
     missing = Missing(
         source.summary.line, source.summary.path, tried=tried, want="LiDAR scans of its frames"
@@ -62,5 +62,7 @@ def compared_clouds(
     result = pass_through(source, per_frame, keep, crew=crew, on_error=on_error, check=check)
     if not frames:
         raise missing.error()
+    if not any(len(each.accuracy_m) or len(each.completeness_m) for each in frames):
+        raise nothing_in_common(source.summary, "the clouds of no frame have a view in common")
     compared = compare_clouds(frames, subject=subject, reference=reference, bins=bins)
     return CloudsReport(compared, result, len(bare(result.records)), source.summary.notes)

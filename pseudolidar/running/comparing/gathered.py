@@ -14,6 +14,7 @@ from pseudolidar.running.journal.record import FrameRecord
 from pseudolidar.running.products.compared_file import read_compared
 from pseudolidar.running.products.product import Product
 from pseudolidar.running.results import RunResult
+from pseudolidar.sources.source import SourceSummary
 
 # Name of the figure that says what a frame was compared with; None without a reference.
 AGAINST = "against"
@@ -76,6 +77,16 @@ class Gathered:
 def bare(records: Sequence[FrameRecord]) -> frozenset[str]:
     """Ids of frames that are done and have nothing to be compared with."""
     return frozenset(r.id for r in records if r.skipped is None and r.figures[AGAINST] is None)
+
+
+def nothing_in_common(source: SourceSummary, got: str) -> PseudolidarError:
+    """What to raise where there are references, and no point of them can be compared."""
+    return ReferenceMissing(
+        f"{source.line}: {got}",
+        want="two sensors that look the same way",
+        fix="Check the calibration between both, and the frame that the reference is in.",
+        path=source.path,
+    )
 
 
 class Missing:

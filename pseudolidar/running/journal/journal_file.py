@@ -17,7 +17,7 @@ from pseudolidar.running.settings_json import settings_differences
 
 JOURNAL_NAME = "journal.jsonl"
 SCHEMA = 1
-_ANEW = "Choose another output folder, or pass --overwrite to start anew."
+ANEW = "Choose another output folder, or pass --overwrite to start anew."
 
 
 @dataclass(frozen=True)
@@ -41,19 +41,33 @@ class JournalContent:
 
     def check_same(self, settings: dict[str, Any], folder: Path) -> None:
         """Raise `OutputSettings` where a new run would write other results, with both values."""
-        differences = settings_differences(self.settings, settings)
-        if not differences:
-            return
-        name, old, new = differences[0]
-        more = f" (and {len(differences) - 1} more)" if len(differences) > 1 else ""
-        raise OutputSettings(
-            f"the folder holds a run with {name} = {json.dumps(old)}, this one has "
-            f"{json.dumps(new)}{more}",
-            want="the same settings to continue it",
-            fix=_ANEW,
-            path=folder,
-            where=name,
-        )
+        check_same(self.settings, settings, folder)
+
+
+def check_same(before: dict[str, Any], settings: dict[str, Any], folder: Path) -> None:
+    """Refuse a folder with the results of other settings.
+
+    Args:
+        before: those that its results are of, plain JSON values.
+        settings: those of the run that wants to write there.
+        folder: output folder.
+
+    Raises:
+        OutputSettings: they differ; with both values of the first that does.
+    """
+    differences = settings_differences(before, settings)
+    if not differences:
+        return
+    name, old, new = differences[0]
+    more = f" (and {len(differences) - 1} more)" if len(differences) > 1 else ""
+    raise OutputSettings(
+        f"the folder holds a run with {name} = {json.dumps(old)}, this one has "
+        f"{json.dumps(new)}{more}",
+        want="the same settings to continue it",
+        fix=ANEW,
+        path=folder,
+        where=name,
+    )
 
 
 def first_line(settings: dict[str, Any], products: Sequence[str]) -> dict[str, Any]:
@@ -115,6 +129,6 @@ def _unreadable(path: Path, what: str) -> OutputSettings:
     return OutputSettings(
         f"the journal cannot be read: {what}",
         want="a journal of this version",
-        fix=_ANEW,
+        fix=ANEW,
         path=path,
     )

@@ -11,11 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from pseudolidar import __version__
+from pseudolidar.errors import OutputSettings
 from pseudolidar.evaluation.comparison.clouds import CloudComparison
 from pseudolidar.evaluation.comparison.comparison import Comparison
 from pseudolidar.evaluation.comparison.figures import FIGURES, DepthFigures, RangeFigures
 from pseudolidar.evaluation.comparison.pooled import PooledFigures
 from pseudolidar.formats.atomic import write_atomic
+from pseudolidar.running.journal.journal_file import ANEW, JOURNAL_NAME, check_same
 
 JSON_NAME, CSV_NAME = "compare.json", "compare.csv"
 RESULTS = (CSV_NAME, JSON_NAME)
@@ -41,6 +43,33 @@ def _finite(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_finite(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def check_results(folder: Path, settings: dict[str, Any], *, overwrite: bool) -> None:
+    """Refuse a folder with the results of something else, for comparisons without a journal.
+
+    Args:
+        folder: output folder.
+        settings: of the comparison, plain JSON values.
+        overwrite: whether these may be replaced.
+
+    Raises:
+        OutputSettings: there are the results of a run, or of other settings.
+    """
+    if overwrite:
+        return
+    if (folder / JOURNAL_NAME).exists():
+        want = "a folder without one: these results would replace some of its own"
+        raise OutputSettings("the folder holds another run", want=want, fix=ANEW, path=folder)
+    path = folder / JSON_NAME
+    if not path.exists():
+        return
+    try:
+        before = json.loads(path.read_bytes())["settings"]
+    except (ValueError, KeyError, TypeError):
+        got, want = "results that cannot be read", "those of this version, or none"
+        raise OutputSettings(got, want=want, fix=ANEW, path=path) from None
+    check_same(before, json.loads(json.dumps(settings)), folder)
 
 
 def comparison_csv(compared: Comparison) -> bytes:
