@@ -350,6 +350,16 @@ class ReferenceMissing(PseudolidarError):
     advice = "Take a source with ground truth, or name it with --reference."
 
 
+class EyesApart(PseudolidarError):
+    """Two cameras take their pictures at different moments."""
+
+    advice = "Let one camera trigger the other, or allow more by --camera.tolerance-s."
+
+
+class CaptureEnded(PseudolidarError):
+    """There are no more pairs: files are played, a limit is reached, or somebody said stop."""
+
+
 class TooManyBadFrames(PseudolidarError):
     """So many frames failed that the run stopped."""
 
@@ -403,6 +413,32 @@ class OutputLocked(EnvironmentFault):
     """Another run is writing to the same folder."""
 
     advice = "Wait for the other run, or choose another output folder."
+
+
+class CameraFault(EnvironmentFault):
+    """A camera does not give pictures; what was made of the earlier ones is whole."""
+
+    advice = "Check its cable and power, then run the same command again: it adds to what is there."
+
+
+class CameraUnavailable(CameraFault):
+    """A camera is not there, cannot be opened, or is taken by another program."""
+
+    advice = "Check which cameras there are: v4l2-ctl --list-devices."
+
+
+class CameraLost(CameraFault):
+    """A camera that gave pictures is gone."""
+
+
+class CameraStalled(CameraFault):
+    """A camera gives no pictures any more, without saying why."""
+
+
+class CameraChanged(CameraFault):
+    """A camera gives pictures of another size than before."""
+
+    advice = "Fix the size with --camera.size."
 
 
 class MissingDependency(EnvironmentFault):
