@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -62,6 +63,7 @@ class RunResult:
         times: of this run, as in `run.json`.
         ended_by: exit code of the signal or error that ended it early, or 0.
         warnings: what was odd about the pairs when they were looked at before the first frame.
+        figures_of_run: what is of no single frame, plain JSON values.
     """
 
     source: SourceSummary
@@ -71,6 +73,7 @@ class RunResult:
     times: dict[str, Any] = field(default_factory=dict)
     ended_by: int = 0
     warnings: tuple[str, ...] = ()
+    figures_of_run: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def skipped(self) -> tuple[FrameRecord, ...]:
@@ -105,12 +108,14 @@ class RunResult:
             "figures": self.figures,
             "times": self.times,
             "warnings": list(self.warnings),
+            **self.figures_of_run,
         }
 
     def text(self) -> str:
         """The same for people: what was done, what was not, and what to do about it."""
         lost = (printable(f"  {line}") for line in self.source.lost)
-        return "\n".join([self._done_line(), *self._skip_lines(), *lost, *self._stop_lines()])
+        skipped = self.skip_lines(NAMED_SKIPS)
+        return "\n".join([self._done_line(), *skipped, *lost, *self._stop_lines()])
 
     def _done_line(self) -> str:
         count = f"{len(self.committed)} of {self.total} frames"
@@ -121,13 +126,14 @@ class RunResult:
         rate = self.times["frames_per_s"]
         return f"{count}{kept}, {self.times['seconds']:.1f} s, {rate:.1f} frames/s"
 
-    def _skip_lines(self) -> list[str]:
+    def skip_lines(self, most: int) -> list[str]:
+        """What was skipped and why, at most so many of them one by one."""
         lines = [
             printable(f"  skipped {record.id}: {record.skipped['code']}: {record.skipped['got']}")
-            for record in self.skipped[:NAMED_SKIPS]
+            for record in self.skipped[:most]
             if record.skipped is not None
         ]
-        more = len(self.skipped) - NAMED_SKIPS
+        more = len(self.skipped) - most
         return [*lines, f"  ... and {more} more, see report.json"] if more > 0 else lines
 
     def _stop_lines(self) -> list[str]:

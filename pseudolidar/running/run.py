@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, Self, TypeVar
 
-from pseudolidar.errors import OutputError, PseudolidarError
+from pseudolidar.errors import ALL_DONE, OutputError, PseudolidarError
 from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.crew.attempt import Done, Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
@@ -20,7 +20,7 @@ from pseudolidar.running.preflight import preflight
 from pseudolidar.running.products.product import Product
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.results import RunResult, Stopwatch, write_results
-from pseudolidar.running.signals import Stopped, StopSignals
+from pseudolidar.running.signals import SIGNAL_EXIT_BASE, Stopped, StopSignals
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.source import FrameSequence
 from pseudolidar.structures.recorded import Frame
@@ -38,6 +38,16 @@ class RunSettings(Protocol):
     @property
     def overwrite(self) -> bool:
         """Start anew, whatever the journal of the output folder holds."""
+
+
+class Progress(Protocol):
+    """Shows how a run goes."""
+
+    def advance(self) -> None:
+        """One more frame is committed."""
+
+    def skip(self) -> None:
+        """One more frame is skipped."""
 
 
 class Run:
@@ -68,6 +78,7 @@ class Run:
         self._ended_by = 0
         self._hopeless: frozenset[str] = frozenset()
         self._warnings: tuple[str, ...] = ()
+        self._tell: Callable[[], Mapping[str, Any]] = dict
 
     @classmethod
     @contextlib.contextmanager
@@ -78,6 +89,8 @@ class Run:
         source: FrameSequence[Frame],
         *,
         products: Sequence[str] = (),
+        stop: Callable[[], None] | None = None,
+        tell: Callable[[], Mapping[str, Any]] = dict,
     ) -> Iterator[Self]:
         """Take the folder, start or continue its journal, and catch signals until the block ends.
 
@@ -89,6 +102,9 @@ class Run:
             job: settings of the pipeline.
             source: where the frames come from.
             products: names of the files that belong to no single frame, for `--overwrite`.
+            stop: ends the source by itself; a first signal calls it, and the block goes on to its
+                end. None for sources that are finished another time.
+            tell: figures of the run that are of no single frame, for `run.json`.
 
         Raises:
             OutputError: the folder cannot be written to.
@@ -101,11 +117,13 @@ class Run:
                 folder, identity(job, source), products=products, overwrite=job.overwrite
             ) as journal,
             noting(folder) as in_flight,
-            StopSignals() as signals,
+            StopSignals(stop) as signals,
         ):
             run = cls(folder, journal, source, in_flight, on_error=job.on_error, signals=signals)
+            run._tell = tell
             try:
                 yield run
+                run._ended_by = SIGNAL_EXIT_BASE + signals.told if signals.told else ALL_DONE
             except Stopped as stopped:
                 run._ended_by = stopped.exit_code
             except PseudolidarError as error:
@@ -153,18 +171,40 @@ class Run:
         """
         total = len(self.source.ids)
         with FrameProgress(total, done=len(self._journal.committed)) as progress:
+            yield from self._good(outcomes, total, progress)
 
-            def skipped(frame: Skipped) -> None:
-                with self._signals.held():
-                    self._journal.commit(FrameRecord.of_skipped(frame))
-                progress.skip()
+    def good_live(
+        self, outcomes: Iterable[Done[Result] | Skipped], progress: Progress
+    ) -> Iterator[Done[Result]]:
+        """The same for cameras: nobody knows how many frames there will be, so none are too many.
 
-            for frame in good_frames(
-                outcomes, frames=total, on_error=self._on_error, skipped=skipped
-            ):
-                yield frame
-                self._watch.lap(frame.cpu_s)
-                progress.advance()
+        Args:
+            outcomes: of `live_stream`.
+            progress: what shows how it goes.
+
+        Raises:
+            PseudolidarError: as `good_frames`.
+        """
+        yield from self._good(outcomes, 0, progress)
+
+    def _good(
+        self, outcomes: Iterable[Done[Result] | Skipped], total: int, progress: Progress
+    ) -> Iterator[Done[Result]]:
+        def skipped(frame: Skipped) -> None:
+            with self._signals.held():
+                self._journal.commit(FrameRecord.of_skipped(frame))
+            progress.skip()
+
+        for frame in good_frames(outcomes, frames=total, on_error=self._on_error, skipped=skipped):
+            yield frame
+            self._watch.lap(frame.cpu_s)
+            progress.advance()
+
+    @contextlib.contextmanager
+    def held(self) -> Iterator[None]:
+        """A block that a first signal does not cut, such as one frame of several files."""
+        with self._signals.held():
+            yield
 
     def commit(self, frame: Done[Product]) -> None:
         """Make the files of a frame durable and note it; a signal waits until that is done.
@@ -191,4 +231,5 @@ class Run:
             self._watch.as_dict(),
             self._ended_by,
             self._warnings,
+            self._tell(),
         )

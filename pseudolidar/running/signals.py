@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import FrameType, TracebackType
 from typing import Self
 
@@ -26,9 +26,15 @@ class StopSignals:
     """Context in which SIGINT and SIGTERM raise `Stopped`, but never inside `held()`.
 
     Outside the main thread Python cannot catch signals; the context then does nothing.
+
+    Args:
+        first: called by a first signal instead, for work that ends by itself when it is told to.
+            It must not wait for anything.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, first: Callable[[], None] | None = None) -> None:
+        self._first = first
+        self.told: int | None = None  # the signal that `first` was called for
         self._held = False
         self._pending: int | None = None
         self._previous: dict[signal.Signals, object] = {}
@@ -64,7 +70,10 @@ class StopSignals:
             raise Stopped(self._pending)
 
     def _handle(self, number: int, _frame: FrameType | None) -> None:
-        if self._held and self._pending is None:
+        if self._first is not None and self.told is None:
+            self.told = number
+            self._first()
+        elif self._held and self._pending is None:
             self._pending = number
         else:
             raise Stopped(number)

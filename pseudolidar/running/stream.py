@@ -10,13 +10,17 @@ from __future__ import annotations
 
 import contextlib
 from collections import deque
-from collections.abc import Callable, Collection, Iterator
-from itertools import islice
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator
+from itertools import count, islice
+from typing import Any
 
+from pseudolidar.errors import CaptureEnded
 from pseudolidar.running.crew.attempt import AnyFrame, Done, NewResult, Skipped
+from pseudolidar.running.crew.crew import Crew
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.crew.in_flight import InFlight
 from pseudolidar.running.memory import keep_freed_memory
+from pseudolidar.sources.capture.live_pairs import LivePairs
 from pseudolidar.sources.source import FrameSequence
 
 # Frames in flight per worker: one that is worked on and one that is finished or waits, so that
@@ -53,13 +57,48 @@ def stream(
     """
     yield from (Skipped(name, None, error) for name, error in source.refused)
     crew = crew or CrewPlan()
-    keep_freed_memory()
     wanted = [index for index, name in enumerate(source.ids) if name not in skip]
-    todo = iter(wanted)
     hired = crew.crew(source, per_frame, frames=len(wanted), in_flight=in_flight)
+    yield from _passed(source, hired, wanted, ahead=IN_FLIGHT_PER_WORKER * crew.count)
+
+
+def live_stream(
+    source: LivePairs[Any],
+    per_frame: Callable[[Any], NewResult],
+    *,
+    crew: CrewPlan,
+    in_flight: InFlight | None = None,
+) -> Iterator[Done[NewResult] | Skipped]:
+    """The same for cameras, until they end: a worker that is free takes the newest pair.
+
+    No pair waits for a worker, so that results do not lag behind: there are as many in flight as
+    there are workers.
+
+    Raises:
+        CameraFault, EyesApart: what ended the cameras, after the frames that were taken before.
+    """
+    hired = crew.crew(source, per_frame, frames=crew.count, in_flight=in_flight)
+    outcomes = _passed(source, hired, count(len(source.ids)), ahead=crew.count)
+    with contextlib.closing(outcomes):
+        try:
+            for outcome in outcomes:
+                if outcome.index is not None and outcome.index >= len(source.ids):  # never taken
+                    break
+                yield outcome
+        finally:
+            source.stop()  # else workers would wait for the next pair
+    if source.end is not None and not isinstance(source.end, CaptureEnded):
+        raise source.end
+
+
+def _passed(
+    source: FrameSequence[AnyFrame], hired: Crew[NewResult], wanted: Iterable[int], *, ahead: int
+) -> Generator[Done[NewResult] | Skipped]:
+    """The frames `wanted`, in order, `ahead` of them in flight."""
+    keep_freed_memory()
+    todo = iter(wanted)
     with _opencv_single_threaded(), hired as workers:
-        first = islice(todo, IN_FLIGHT_PER_WORKER * crew.count)
-        pending = deque(workers.submit(index) for index in first)
+        pending = deque(workers.submit(index) for index in islice(todo, ahead))
         while pending:
             task = pending.popleft()
             outcome = workers.outcome(task, source.ids[task.index])

@@ -127,7 +127,7 @@ class Cameras:
     settings: CameraSettings = field(default_factory=CameraSettings)
 
     def open(self) -> Capture:
-        """Find the cameras and start to read them.
+        """Find the cameras and start to read them; `begin` when all is ready for their pairs.
 
         Raises:
             CameraUnavailable: one is not there.
@@ -135,6 +135,8 @@ class Cameras:
         """
         texts = (self.left,) if self.right is None else (self.left, self.right)
         addresses = tuple(CameraAddress.of(text, realtime=self.realtime) for text in texts)
+        if len({address.kind == "file" for address in addresses}) > 1:
+            raise UsageError("a camera and a video", want="two cameras, or two videos")
         if len(set(addresses)) < len(addresses):
             raise UsageError(
                 "the same camera for both eyes",
@@ -157,12 +159,12 @@ class Capture:
         self.addresses, self.settings = addresses, settings
         self._stop, self._epoch = threading.Event(), Epoch()
         self._pace = Pace(len(addresses), settings.speed, self._stop)
-        played = all(address.kind == "file" for address in addresses)
+        self._played = all(address.kind == "file" for address in addresses)
         self._buffer = PairBuffer(
             len(addresses),
             tolerance_s=settings.tolerance_s,
             kept=settings.kept,
-            patience_s=math.inf if played else settings.patience_s,
+            patience_s=math.inf if self._played else settings.patience_s,
         )
         self._grabbers = [
             Grabber(eye, self._stream(eye, address), self._buffer)
@@ -182,13 +184,22 @@ class Capture:
         """How far played videos have fallen behind their pace, because decoding is slower."""
         return self._pace.slipped_ns / NS_PER_S
 
-    def first(self) -> ShotPair:
-        """A pair as they come, which is not taken: to see what the cameras give.
+    def seen(self) -> ShotPair:
+        """The last picture of each camera, of whatever moment: to see what they give.
 
         Raises:
-            CameraFault, EyesApart, CaptureEnded: there is none.
+            CameraFault, CaptureEnded: there is none.
         """
-        return self._buffer.peek()
+        return self._buffer.seen()
+
+    def begin(self) -> Self:
+        """Count from now on; videos, which have shown their first picture, are played."""
+        if self._played:
+            self._buffer.date_anew(time.monotonic_ns())
+            self._pace.begin()
+        else:
+            self._buffer.forget()
+        return self
 
     def take(self) -> ShotPair:
         """The newest pair that nobody has taken; waits for one. From any thread.

@@ -10,7 +10,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -84,6 +84,7 @@ class _Eye:
 
     name: str
     seen_s: float
+    latest: Shot | None = None
     waiting: deque[Shot] = field(default_factory=deque)
     intervals_ns: deque[int] = field(default_factory=lambda: deque(maxlen=INTERVALS_SEEN))
     last_ns: int | None = None
@@ -131,7 +132,7 @@ class PairBuffer:
         """A picture has arrived."""
         with self._changed:
             one = self._eyes[eye]
-            one.seen_s, one.fault = time.monotonic(), None
+            one.seen_s, one.fault, one.latest = time.monotonic(), None, shot
             one.arrived += 1
             time_ns = shot.stamp.time_ns
             if one.last_ns is not None:
@@ -201,13 +202,37 @@ class PairBuffer:
             self._taken += 1
             return self._pairs.popleft()
 
-    def peek(self) -> ShotPair:
-        """The pair that would be taken; it stays, or gives way to a newer one. Raises as `take`."""
+    def seen(self) -> ShotPair:
+        """The last picture of each camera, of whatever moment; waits for one, takes none.
+
+        Raises:
+            CaptureEnded, CameraFault: as `take`.
+        """
         with self._changed:
-            while not self._pairs:
+            while any(eye.latest is None for eye in self._eyes):
                 self._check()
                 self._changed.wait(LOOK_S)
-            return self._pairs[0]
+            return ShotPair(tuple(eye.latest for eye in self._eyes if eye.latest is not None))
+
+    def forget(self) -> None:
+        """Begin to count: what came so far was only looked at."""
+        with self._changed:
+            self._pairs.clear()
+            self._formed = self._dropped = self._taken = self._widest_ns = 0
+            for eye in self._eyes:
+                eye.waiting.clear()
+                eye.arrived = eye.alone = eye.damaged = eye.reopened = 0
+                eye.damage = ""
+
+    def date_anew(self, taken_ns: int) -> None:
+        """The pictures that wait count as taken now: videos were held until here."""
+        with self._changed:
+            for eye in self._eyes:
+                eye.waiting = deque(_taken(shot, taken_ns) for shot in eye.waiting)
+            self._pairs = deque(
+                ShotPair(tuple(_taken(shot, taken_ns) for shot in pair.shots))
+                for pair in self._pairs
+            )
 
     def stop(self) -> None:
         """Nobody wants more pairs; may be called by a signal's handler in any thread."""
@@ -280,6 +305,10 @@ class PairBuffer:
         else:
             wanted_ns = self._tolerance_s * NS_PER_S
         return min(wanted_ns, NEAREST_OF_INTERVAL * interval_ns)
+
+
+def _taken(shot: Shot, taken_ns: int) -> Shot:
+    return replace(shot, stamp=shot.stamp._replace(taken_ns=taken_ns))
 
 
 def _counts(eye: _Eye) -> EyeCounts:

@@ -153,6 +153,8 @@ class StreamClock:
 class Pace:
     """When the pictures of played videos are due; both eyes share one and are played in step.
 
+    The first picture of each video is there at once; the others wait until `begin`.
+
     Args:
         eyes: how many are played.
         speed: 1 for the pace of the videos.
@@ -163,8 +165,16 @@ class Pace:
         self._speed, self._stop = speed, stop
         self._moved = threading.Condition()
         self._at = [-math.inf] * eyes  # what each eye plays, by the clock of the videos
-        self._begun_ns: float | None = None
+        self._first_ns: int | None = None  # the first picture of all, by that clock
+        self._zero_ns: float | None = None  # monotonic time at which that clock is 0
         self.slipped_ns = 0  # how far the videos have fallen behind in all
+
+    def begin(self) -> None:
+        """Play."""
+        with self._moved:
+            first_ns = 0 if self._first_ns is None else self._first_ns
+            self._zero_ns = time.monotonic_ns() - first_ns / self._speed
+            self._moved.notify_all()
 
     def wait(self, eye: int, media_ns: int, ahead_ns: int) -> int:
         """Wait until a picture is due; the monotonic time of that.
@@ -175,16 +185,19 @@ class Pace:
             ahead_ns: how far this eye may be ahead of the other one, which reads more slowly.
         """
         with self._moved:
-            self._at[eye] = media_ns
+            first, self._at[eye] = self._at[eye] == -math.inf, media_ns
+            self._first_ns = media_ns if self._first_ns is None else self._first_ns
             self._moved.notify_all()
-            while min(self._at) < media_ns - ahead_ns and not self._stop.is_set():
+            while not first and not self._stop.is_set():
+                if self._zero_ns is not None and min(self._at) >= media_ns - ahead_ns:
+                    break
                 self._moved.wait(LOOK_S)
             now = time.monotonic_ns()
-            if self._begun_ns is None:
-                self._begun_ns = now - media_ns / self._speed
-            due = round(self._begun_ns + media_ns / self._speed)
+            if self._zero_ns is None:
+                return now
+            due = round(self._zero_ns + media_ns / self._speed)
             if now - due > SLIP_NS:
-                self._begun_ns += now - due
+                self._zero_ns += now - due
                 self.slipped_ns += now - due
                 due = now
         if due > now:

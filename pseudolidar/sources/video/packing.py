@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from pseudolidar.errors import CalibrationSizeMismatch, SourceUnknown
+from pseudolidar.errors import CalibrationSizeMismatch, PairMismatch, SourceUnknown
 from pseudolidar.structures.arrays import Image
 from pseudolidar.structures.camera import StereoRig
 
@@ -48,10 +48,24 @@ class Packing:
     def split(self, pixels: Image) -> tuple[Image, Image]:
         """Left and right eye of a picture that holds both."""
         assert self.layout is not None
-        first, second = (
-            np.ascontiguousarray(half) for half in np.split(pixels, 2, axis=AXES[self.layout])
-        )
+        first, second = split_eyes(pixels, self.layout)
         return (second, first) if self.swapped else (first, second)
+
+
+def split_eyes(pixels: Image, layout: Layout) -> tuple[Image, Image]:
+    """First (left, upper) and second eye of a picture that holds both.
+
+    Raises:
+        PairMismatch: an odd number of columns or rows cannot be halved.
+    """
+    axis = AXES[layout]
+    if pixels.shape[axis] % 2:
+        raise PairMismatch(
+            f"a picture of {pixels.shape[1]}x{pixels.shape[0]} cannot be halved {layout}",
+            want="an even size",
+        )
+    first, second = (np.ascontiguousarray(half) for half in np.split(pixels, 2, axis=axis))
+    return first, second
 
 
 def find_packing(

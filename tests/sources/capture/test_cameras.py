@@ -11,11 +11,11 @@ import pytest
 
 from pseudolidar.errors import (
     CameraChanged,
-    CameraFault,
     CameraLost,
     CameraStalled,
     CameraUnavailable,
     CaptureEnded,
+    PseudolidarError,
     UsageError,
     VideoUnreadable,
 )
@@ -37,13 +37,21 @@ def pixels(pair: ShotPair) -> list[np.ndarray]:
     return [to_pixels(shot.picture, rotated=False).pixels for shot in pair.shots]
 
 
-def all_pairs(capture: Capture, pause_s: float = 0.0) -> list[ShotPair]:
-    """Every pair until the end, by somebody who takes a while for each."""
+def drained(capture: Capture, pause_s: float = 0.0) -> tuple[list[ShotPair], PseudolidarError]:
+    """Every pair, for somebody who takes a while for each, and what ended them."""
     found = []
-    with pytest.raises(CaptureEnded):
-        while True:
+    while True:
+        try:
             found.append(capture.take())
-            time.sleep(pause_s)
+        except PseudolidarError as error:
+            return found, error
+        time.sleep(pause_s)
+
+
+def all_pairs(capture: Capture, pause_s: float = 0.0) -> list[ShotPair]:
+    """Every pair of videos that are played to their end."""
+    found, error = drained(capture, pause_s)
+    assert isinstance(error, CaptureEnded)
     return found
 
 
@@ -58,7 +66,7 @@ def videos(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
 
 @pytest.mark.parametrize("pause_s", [0.0, 0.05])
 def test_pairs_are_whole_in_order_and_of_one_moment(videos, pause_s: float) -> None:
-    with Cameras(*videos, realtime=True, settings=PLAYED).open() as capture:
+    with Cameras(*videos, realtime=True, settings=PLAYED).open().begin() as capture:
         found = all_pairs(capture, pause_s)
         counts = capture.counts
     numbers = []
@@ -77,7 +85,11 @@ def test_pairs_are_whole_in_order_and_of_one_moment(videos, pause_s: float) -> N
 
 
 def test_who_takes_nothing_holds_up_nobody_and_gets_the_newest(videos) -> None:
-    with Cameras(*videos, realtime=True, settings=CameraSettings(speed=20.0)).open() as capture:
+    with (
+        Cameras(*videos, realtime=True, settings=CameraSettings(speed=20.0))
+        .open()
+        .begin() as capture
+    ):
         while capture.counts.formed < FRAMES:
             time.sleep(0.01)
         assert capture.counts.dropped == FRAMES - 1
@@ -91,7 +103,7 @@ def test_pictures_of_one_eye_alone_are_left_out(tmp_path: Path) -> None:
     ticks = [times[n] + late.get(n, 0) for n in kept]
     videos = write_eyes(tmp_path, LEFT, [RIGHT[n] for n in kept], right_ticks=ticks)
     settings = CameraSettings(speed=2.0, kept=FRAMES)
-    with Cameras(*map(str, videos), realtime=True, settings=settings).open() as capture:
+    with Cameras(*map(str, videos), realtime=True, settings=settings).open().begin() as capture:
         found = [pixels(pair) for pair in all_pairs(capture)]
     numbers = [number_of(left, LEFT) for left, _ in found]
     assert numbers == [n for n in kept if n != 9]
@@ -102,7 +114,11 @@ def test_pictures_of_one_eye_alone_are_left_out(tmp_path: Path) -> None:
 
 def test_the_pace_is_that_of_the_video(videos) -> None:
     """No machine is too slow for this: a picture is never there before it is due."""
-    with Cameras(*videos, realtime=True, settings=CameraSettings(kept=FRAMES)).open() as capture:
+    with (
+        Cameras(*videos, realtime=True, settings=CameraSettings(kept=FRAMES))
+        .open()
+        .begin() as capture
+    ):
         taken_ns = [pair.taken_ns for pair in all_pairs(capture)]
         slipped_ns = capture.slipped_s * 1e9
     assert taken_ns[-1] - taken_ns[0] >= (FRAMES - 1) * 20_000_000 - slipped_ns - 1
@@ -116,7 +132,7 @@ def test_a_damaged_jpeg_is_left_out_and_its_neighbours_are_not(tmp_path: Path) -
     for number, keep in bad.items():
         path = damaged(path, tmp_path / f"{number}.mkv", [number], keep)
     settings = CameraSettings(speed=2.0, kept=FRAMES)
-    with Cameras(str(path), realtime=True, settings=settings).open() as capture:
+    with Cameras(str(path), realtime=True, settings=settings).open().begin() as capture:
         numbers = [number_of(pixels(pair)[0], known) for pair in all_pairs(capture)]
     assert numbers == [n for n in range(FRAMES) if n not in bad]
     assert capture.counts.eyes[0].damaged == len(bad)
@@ -132,7 +148,7 @@ def test_what_is_predicted_from_a_damaged_picture_is_left_out(
     known = [to_pixels(frame, rotated=False).pixels for frame in decoded(whole)]
     path = damaged(whole, tmp_path / "bad.mkv", lost, 0.5)
     settings = CameraSettings(speed=2.0, kept=FRAMES)
-    with Cameras(str(path), realtime=True, settings=settings).open() as capture:
+    with Cameras(str(path), realtime=True, settings=settings).open().begin() as capture:
         numbers = [number_of(pixels(pair)[0], known) for pair in all_pairs(capture)]
     spoilt = {n for bad in lost for n in range(bad, 12 * (bad // 12 + 1))}
     assert numbers == [n for n in range(FRAMES) if n not in spoilt]
@@ -147,13 +163,12 @@ def test_a_camera_that_changes_its_size_is_told(tmp_path: Path) -> None:
     large = write_video(tmp_path / "b.mjpeg", pictures(6, 96, 48), **MJPEG)
     both = tmp_path / "both.mjpeg"
     both.write_bytes(small.read_bytes() + large.read_bytes())
-    with (
-        Cameras(str(both), realtime=True, settings=CameraSettings(kept=20, speed=5)).open() as c,
-        pytest.raises(CameraChanged, match="96x48"),
-    ):
-        while True:
-            c.take()
-    assert c.counts.eyes[0].arrived == 6
+    settings = CameraSettings(kept=20, speed=5)
+    with Cameras(str(both), realtime=True, settings=settings).open().begin() as capture:
+        found, error = drained(capture)
+    assert isinstance(error, CameraChanged)
+    assert "96x48" in error.got
+    assert len(found) == capture.counts.eyes[0].arrived == 6
 
 
 # --- pipes ---------------------------------------------------------------------------------
@@ -165,7 +180,7 @@ def test_a_pipe_that_a_process_writes(tmp_path: Path, videos) -> None:
         os.mkfifo(pipe)
     process = writer(videos[0], pipes[0], videos[1], pipes[1])
     settings = CameraSettings(patience_s=10.0, clock="stream", kept=FRAMES)
-    with Cameras(*map(str, pipes), settings=settings).open() as capture:
+    with Cameras(*map(str, pipes), settings=settings).open().begin() as capture:
         found = [pixels(capture.take()) for _ in range(FRAMES)]
     assert [number_of(left, LEFT) for left, _ in found] == list(range(FRAMES))
     assert [number_of(right, RIGHT) for _, right in found] == list(range(FRAMES))
@@ -175,7 +190,7 @@ def test_a_pipe_that_a_process_writes(tmp_path: Path, videos) -> None:
 def test_a_camera_that_vanishes_is_back_when_it_is_back(tmp_path: Path, videos) -> None:
     """One pipe, a writer that is killed in the middle of a picture's life, then another one."""
     os.mkfifo(tmp_path / "pipe")
-    with Cameras(str(tmp_path / "pipe"), settings=PATIENT).open() as capture:
+    with Cameras(str(tmp_path / "pipe"), settings=PATIENT).open().begin() as capture:
         first = writer(videos[0], tmp_path / "pipe", count=10)
         before = capture.take()
         first.stdout.readline()
@@ -199,21 +214,19 @@ def test_a_camera_that_does_not_come_back_ends_the_capture(tmp_path: Path, video
     os.mkfifo(tmp_path / "pipe")
     process = writer(videos[0], tmp_path / "pipe")
     settings = CameraSettings(patience_s=2.0, kept=FRAMES)
-    with Cameras(str(tmp_path / "pipe"), settings=settings).open() as capture:
-        assert capture.first().time_ns > 0
+    with Cameras(str(tmp_path / "pipe"), settings=settings).open().begin() as capture:
+        assert capture.seen().time_ns > 0
         process.communicate(timeout=60)
-        with pytest.raises(CameraFault) as told:
-            while True:
-                capture.take()
-    assert isinstance(told.value, CameraLost | CameraStalled)
-    assert told.value.exit_code == 5
+        _, error = drained(capture)
+    assert isinstance(error, CameraLost | CameraStalled)
+    assert error.exit_code == 5
     assert adds_up(capture.counts)
 
 
 def test_a_pipe_that_nobody_writes_does_not_wait_for_ever(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     settings = CameraSettings(patience_s=0.3)
-    with Cameras(str(tmp_path / "pipe"), settings=settings).open() as capture:
+    with Cameras(str(tmp_path / "pipe"), settings=settings).open().begin() as capture:
         with pytest.raises(CameraStalled):
             capture.take()
         capture.stop()
@@ -231,7 +244,7 @@ def test_a_camera_that_is_not_there_says_which_are() -> None:
 
 def test_a_device_that_is_no_camera() -> None:
     with (
-        Cameras("/dev/null").open() as capture,
+        Cameras("/dev/null").open().begin() as capture,
         pytest.raises(CameraUnavailable, match=r"/dev/null.*wanted a camera"),
     ):
         capture.take()
@@ -244,7 +257,7 @@ def test_a_file_is_played_only_if_that_is_meant(videos, tmp_path: Path) -> None:
         Cameras(str(tmp_path), realtime=True).open()
     (tmp_path / "text.mp4").write_text("no video")
     with (
-        Cameras(str(tmp_path / "text.mp4"), realtime=True).open() as capture,
+        Cameras(str(tmp_path / "text.mp4"), realtime=True).open().begin() as capture,
         pytest.raises(VideoUnreadable),
     ):
         capture.take()
@@ -264,7 +277,7 @@ def test_an_address_reads_networks_and_nothing_else(url: str) -> None:
 
 def test_a_network_address_where_nobody_answers() -> None:
     with (
-        Cameras("tcp://127.0.0.1:9").open() as capture,
+        Cameras("tcp://127.0.0.1:9").open().begin() as capture,
         pytest.raises(CameraUnavailable, match="refused"),
     ):
         capture.take()

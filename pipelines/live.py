@@ -1,0 +1,272 @@
+"""Point clouds of two cameras while they look: captured, matched, written, told how fast."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+# The package path of pipelines/ is made at run time; mypy checks the file itself.
+from pseudolidar.pipelines.convert import ConvertFrame  # type: ignore[import-untyped]
+
+from pseudolidar.clouds.beams import BeamCount, Beams
+from pseudolidar.clouds.correct import Guide
+from pseudolidar.clouds.crop import Box, Range
+from pseudolidar.clouds.ground import Label, Remove
+from pseudolidar.clouds.normals import Normals
+from pseudolidar.clouds.outliers import Lonely
+from pseudolidar.clouds.thin import Density, Uniform, Voxel
+from pseudolidar.clouds.tool import CloudTools
+from pseudolidar.errors import OutputSettings, UsageError
+from pseudolidar.formats.mcap.content import McapContent
+from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in
+from pseudolidar.running.bad_frames import OnError
+from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME
+from pseudolidar.running.folder import check_usable
+from pseudolidar.running.live.keys import keys
+from pseudolidar.running.live.meter import Meter
+from pseudolidar.running.live.opening import opened_cameras, opened_pairs
+from pseudolidar.running.live.rehearsed import rehearsed
+from pseudolidar.running.live.saving import SavePair
+from pseudolidar.running.live.table import LiveTable
+from pseudolidar.running.matching import MatchFrame, Refining
+from pseudolidar.running.products.encoders import FrameEncoder
+from pseudolidar.running.products.outputs import Outputs
+from pseudolidar.running.products.product import Product
+from pseudolidar.running.products.recording import RecordingPlan
+from pseudolidar.running.products.trees import Trees
+from pseudolidar.running.reports.live_report import LiveReport
+from pseudolidar.running.run import Run
+from pseudolidar.running.stream import live_stream
+from pseudolidar.sources.capture.cameras import CameraSettings, Capture
+from pseudolidar.sources.capture.live_pairs import EveryInterval, LivePairs, OnRequest
+from pseudolidar.sources.source import pairs_of, tell
+from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.filters.clean import Clean
+from pseudolidar.stereo.filters.filled_map import Surfaces
+from pseudolidar.stereo.filters.smoothed_map import Fgs
+from pseudolidar.stereo.neural import Onnx
+from pseudolidar.stereo.reproject import Reproject
+from pseudolidar.stereo.sgbm import Bm, Sgbm
+
+# A frame that takes longer is skipped; waiting for the cameras is no part of it.
+FRAME_S = 120.0
+
+
+@dataclass(frozen=True)
+class Live:
+    """Capture pairs, match and reproject them, and write the results to OUT, until told to stop.
+
+    A worker that is free takes the newest pair; pairs that no worker is free for are dropped, so
+    that results do not lag. Ctrl-C (or q) ends the run, with all that was written whole; the same
+    command adds to it. A camera that vanishes is waited for.
+
+        pseudolidar live 0 2 out --rig rig.json
+        pseudolidar live /dev/video0 side-by-side out --rig rig.json --camera.size 2560x720
+        pseudolidar live left.mp4 right.mp4 out --realtime --scale 0.5 --to pcd,mcap
+        pseudolidar live 0 2 --capture pairs --every 2
+
+    Args:
+        left: camera of the left eye, or of both: 0, /dev/video0, a named pipe, rtsp://, http://,
+            tcp://, udp://, or with --realtime a video.
+        right: camera of the right eye; or how the pictures of `left` hold both eyes, side-by-side
+            or top-bottom (left out, the size of the rig tells).
+        out: output folder.
+        to: what is written of each frame, a comma list: pcd, pcd:compressed, pcd:ascii, ply,
+            ply:ascii, bin, npz, disparity, depth, mcap.
+        capture: only save pairs into this folder, to calibrate the cameras with: PNGs in left and
+            right. Space saves one, q ends; or see --every.
+        every: save a pair each time so many seconds have passed.
+        rig: calibration of the cameras: a rig.json, OpenCV YAML, XML or JSON, ROS camera_info,
+            K.txt, calib.txt; a file, a folder, or LEFT,RIGHT. By default a rig file beside a video,
+            or in the folder that the command is called from.
+        rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
+        scale_calibration: scale the calibration where the cameras give another size.
+        scale: size at which pairs are matched, of that of the pictures: 0.5 for small computers.
+        realtime: play videos as if live.
+        camera: how cameras are opened and paired.
+        matcher: how disparities are found.
+        clean: what is removed of the disparities because it is no surface; `none` keeps all.
+        smooth: how disparities are smoothed before they become points.
+        fill: how holes between matched pixels are filled.
+        reproject: which pixels become points, and how.
+        outliers: which points are removed.
+        ground: what happens to the ground's points: label them (column `ground`), or remove them.
+        crop: only points in a box, or at some distance.
+        normals: add the directions that surfaces face, columns nx, ny, nz.
+        beams: only what a spinning LiDAR would measure, an HDL-64E or one with fewer beams.
+        thin: fewer points, how.
+        mcap: what a recording holds.
+        min_depth: nearest depth that must be found, m; decides how many disparities are searched.
+        frame: coordinate frame of the clouds: velodyne, camera_left or base_link, by default
+            velodyne where that is calibrated, else camera_left. `.bin` is always x forward.
+        swap: exchange left and right pictures.
+        seconds: end after so many.
+        frames_count: end after so many frames.
+        check: look at a first pair: swapped eyes and rows that are off stop the run, other oddities
+            are warned of.
+        workers: frames worked on at the same time; by default one per core.
+        on_error: skip a bad frame, or stop at the first.
+        overwrite: start anew, even where OUT holds a run with other settings.
+    """
+
+    left: Annotated[str, POSITIONAL, RUN_ONLY]
+    right: Annotated[str | None, POSITIONAL, RUN_ONLY] = None
+    out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out")
+    to: Outputs = field(default_factory=lambda: Outputs(("mcap",)))
+    capture: Annotated[Path | None, RUN_ONLY] = None
+    every: Annotated[float | None, RUN_ONLY] = None
+    rig: Path | None = None
+    rig_unit: RigUnit | None = None
+    scale_calibration: bool = False
+    scale: float = 1.0
+    realtime: Annotated[bool, RUN_ONLY] = False
+    camera: Annotated[CameraSettings, RUN_ONLY] = field(default_factory=CameraSettings)
+    matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
+    clean: Clean | None = field(default_factory=Clean)
+    smooth: Fgs | None = None
+    fill: Surfaces | None = None
+    reproject: Reproject = field(default_factory=Reproject)
+    outliers: Lonely | None = None
+    ground: Label | Remove | None = None
+    crop: Box | Range | None = None
+    normals: bool = False
+    beams: BeamCount | None = None
+    thin: Voxel | Uniform | Density | None = None
+    mcap: McapContent = field(default_factory=McapContent)
+    min_depth: float | None = None
+    frame: CloudFrame | None = None
+    swap: bool = False
+    seconds: Annotated[float | None, RUN_ONLY] = None
+    frames_count: Annotated[int | None, RUN_ONLY] = None
+    check: Annotated[bool, RUN_ONLY] = True
+    workers: Annotated[int | None, RUN_ONLY] = None
+    on_error: Annotated[OnError, RUN_ONLY] = "skip"
+    overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+
+    def __post_init__(self) -> None:
+        if not 0 < self.scale <= 1:
+            raise UsageError(f"{self.scale:g}", want="above 0, at most 1", where="--scale")
+        limits = {"seconds": self.seconds, "frames-count": self.frames_count, "every": self.every}
+        for name, value in limits.items():
+            if value is not None and not (value > 0 and math.isfinite(value)):
+                raise UsageError(f"{value:g}", want="a number above 0", where=f"--{name}")
+        if self.every is not None and self.capture is None:
+            raise UsageError("--every without --capture DIR", want="both", where="--every")
+        if self.to.trees:
+            names = ", ".join(self.to.trees)
+            raise UsageError(
+                f"{names} of a live run",
+                want="files or mcap",
+                fix="Record first, --to mcap, then convert the recording.",
+                where="--to",
+            )
+
+    @property
+    def crew(self) -> CrewPlan:
+        """How the frames are done; to save pairs takes any time, as somebody presses a key."""
+        timeout_s = math.inf if self.capture else FRAME_S + self.camera.patience_s
+        return CrewPlan(self.workers, timeout_s)
+
+
+def run(job: Live) -> LiveReport:
+    """Do every pair that a worker is free for: match, reproject, encode; commit in order."""
+    if job.capture is not None:
+        return save_pairs(replace(job, out=job.capture))
+    check_usable(job.out)
+    with opened_cameras(job) as cameras:
+        source = opened_pairs(job, cameras)
+        tell(source)
+        recording = RecordingPlan.of(job, source, wanted=job.to.recording)
+        per_frame = convert_frame(job, source)
+        rehearsed(source, per_frame, check=job.check)
+        return record(job, cameras, source, per_frame, recording)
+
+
+def convert_frame(job: Live, source: LivePairs[Any]) -> ConvertFrame:
+    """The work on a frame, the same as that of `convert`."""
+    rig = pairs_of(source).rig
+    left_in(rig, job.frame or default_frame(rig))  # a wrong --frame ends the run here
+    refining = Refining(None, job.smooth, job.fill)
+    match = MatchFrame.load(source, job.matcher, refining, job.clean, min_depth_m=job.min_depth)
+    normals = Normals() if job.normals else None
+    beams = None if job.beams is None else Beams(job.beams)
+    tools = CloudTools.load(job.outliers, job.ground, job.crop, normals, beams, job.thin)
+    encode = FrameEncoder(job.to, job.mcap, Trees(()), frozenset())
+    return ConvertFrame(match, job.reproject.load(), Guide.unused(), job.frame, tools, encode)
+
+
+def save_pairs(job: Live) -> LiveReport:
+    """Only save pairs: those that somebody asks for, or one every so many seconds."""
+    check_usable(job.out)
+    wanted = OnRequest() if job.every is None else EveryInterval(job.every)
+    with opened_cameras(job) as cameras:
+        source = opened_pairs(job, cameras, wanted=wanted)
+        tell(source)
+        save = wanted.request if isinstance(wanted, OnRequest) else None
+        return record(job, cameras, source, SavePair(), RecordingPlan(), save=save)
+
+
+def record(
+    job: Live,
+    cameras: Capture,
+    source: LivePairs[Any],
+    per_frame: Callable[[Any], Product],
+    recording: RecordingPlan,
+    *,
+    save: Callable[[], None] | None = None,
+) -> LiveReport:
+    """Write what workers make of the newest pairs, until the cameras end or somebody says so."""
+    meter = Meter(cameras)
+    actions = {"q": cameras.stop} | ({} if save is None else {" ": save, "\n": save})
+    words = "q ends" if save is None else "space saves a pair, q ends"
+    with (
+        keys(actions) as pressed,
+        Run.open(
+            job.out,
+            job,
+            source,
+            products=recording.names,
+            stop=cameras.stop,
+            tell=lambda: {"live": meter.figures.as_dict()},
+        ) as run,
+        recording.open(job.out, held_before(job, run, source)) as log,
+        LiveTable(meter, words if pressed else "") as table,
+    ):
+        cameras.begin()
+        if job.seconds is not None:
+            cameras.end_after(job.seconds)
+        outcomes = live_stream(source, per_frame, crew=job.crew, in_flight=run.in_flight)
+        for frame in run.good_live(outcomes, table):
+            with run.held():
+                log.append(frame.id, frame.value.parts)
+                latency_s = meter.done(source.taken_ns(frame.index))
+                figures = frame.value.figures | {"latency_s": round(latency_s, 4)}
+                run.commit(replace(frame, value=replace(frame.value, figures=figures)))
+    opens = [job.out / folder for folder in job.to.folders if job.capture is None]
+    opens += [job.out / name for name in recording.names]
+    opens = [path for path in opens if path.exists()] or [job.out]
+    return LiveReport(run.result(), meter.figures, job.out, tuple(opens))
+
+
+def held_before(job: Live, run: Run, source: LivePairs[Any]) -> tuple[str, ...]:
+    """Number new frames after those of an earlier run in the folder; ids of its finished ones.
+
+    Raises:
+        OutputSettings: videos would begin anew behind what is there.
+    """
+    records = run.records()
+    if records and job.realtime:
+        raise OutputSettings(
+            f"the folder holds {len(records)} frames already, and videos begin anew",
+            want="an empty folder, or cameras, which add to it",
+            fix="Choose another output folder, or pass --overwrite.",
+            path=job.out,
+        )
+    numbers = [record.index for record in records if record.index is not None]
+    source.go_on_after(max(numbers, default=-1) + 1)
+    return tuple(record.id for record in records if record.skipped is None)

@@ -1,0 +1,1 @@
+"""What a live run needs besides: latencies, a table that moves, keys."""

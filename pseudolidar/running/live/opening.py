@@ -1,0 +1,154 @@
+"""The cameras of a live run: opened, looked at, and fitted with their calibration."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Protocol, cast, get_args
+
+from pseudolidar.formats.rigs.rig_file import find_rig, read_any_rig
+from pseudolidar.formats.rigs.rig_json import missing_rig
+from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit
+from pseudolidar.sources.capture.cameras import Cameras, CameraSettings, Capture
+from pseudolidar.sources.capture.eyes import (
+    Bare,
+    BarePair,
+    Eyes,
+    Rectified,
+    fitting,
+    layout_by_size,
+)
+from pseudolidar.sources.capture.live_pairs import LivePairs, Wanted
+from pseudolidar.sources.source import SourceSummary
+from pseudolidar.sources.video.packing import AXES, Layout
+from pseudolidar.structures.frame import StereoFrame
+
+KIND = "cameras"
+
+
+class LiveSettings(Protocol):
+    """What the settings of a live run say about its cameras."""
+
+    @property
+    def left(self) -> str:
+        """Camera of the left eye, or of both."""
+
+    @property
+    def right(self) -> str | None:
+        """Camera of the right eye, or how one camera's pictures hold both."""
+
+    @property
+    def realtime(self) -> bool:
+        """Videos are played as if live."""
+
+    @property
+    def camera(self) -> CameraSettings:
+        """How they are opened."""
+
+    @property
+    def capture(self) -> Path | None:
+        """Where pairs are saved, without a calibration."""
+
+    @property
+    def rig(self) -> Path | None:
+        """Their calibration."""
+
+    @property
+    def rig_unit(self) -> RigUnit | None:
+        """Its unit, where it does not say it."""
+
+    @property
+    def scale_calibration(self) -> bool:
+        """It may be scaled to the pictures."""
+
+    @property
+    def scale(self) -> float:
+        """Size at which pairs are matched."""
+
+    @property
+    def swap(self) -> bool:
+        """Left and right are exchanged."""
+
+    @property
+    def frames_count(self) -> int | None:
+        """Frames to take."""
+
+
+def opened_cameras(job: LiveSettings) -> Capture:
+    """The cameras, being read.
+
+    Raises:
+        CameraUnavailable, UsageError: as `Cameras.open`.
+    """
+    right = None if job.right in get_args(Layout) else job.right
+    return Cameras(job.left, right, job.realtime, job.camera).open()
+
+
+def opened_pairs(
+    job: LiveSettings, cameras: Capture, *, wanted: Wanted | None = None
+) -> LivePairs[Any]:
+    """The pairs of the cameras as a source, once they have shown a first picture.
+
+    Raises:
+        CalibrationMissing, NotRectified: no usable rig.
+        CalibrationSizeMismatch: the cameras give another size.
+        CameraFault: one of them gives none.
+    """
+    reading = None if job.capture is not None else read_rig(job)
+    first = cameras.seen()
+    picture = first.shots[0].picture
+    picture_px = picture.width, picture.height
+    layout = cast("Layout | None", job.right if job.right in get_args(Layout) else None)
+    if layout is None and len(first.shots) == 1 and reading is not None:
+        layout = layout_by_size(picture_px, reading.of_rectified.left.size_px)
+    eye_px = _eye_px(picture_px, layout)
+    eyes = Eyes(layout, job.swap, job.scale)
+    size_px = eyes.size_of(eye_px)
+    packed = "" if layout is None else f", {layout}"
+    scaled = "" if size_px == eye_px else "; matched at {}x{}".format(*size_px)
+    line = "{}, {}x{} each{}{}".format(_names(cameras), *eye_px, packed, scaled)
+    notes = () if reading is None else reading.notes
+    summary = SourceSummary(KIND, job.left, f"cameras: {line}", notes=notes)
+    if reading is None:
+        return LivePairs(
+            cameras,
+            Bare(Eyes(layout, job.swap)),
+            yields=BarePair,
+            summary=summary,
+            rig=None,
+            most=job.frames_count,
+            wanted=wanted,
+        )
+    rig = fitting(reading.of_rectified, eye_px, scale_calibration=job.scale_calibration)
+    rig = rig if size_px == eye_px else rig.scaled_to(*size_px)
+    return LivePairs(
+        cameras,
+        Rectified(eyes, rig),
+        yields=StereoFrame,
+        summary=summary,
+        rig=rig,
+        most=job.frames_count,
+    )
+
+
+def read_rig(job: LiveSettings) -> RigReading:
+    """The calibration that is given, or that lies beside a video or where the command is called.
+
+    Raises:
+        CalibrationMissing: there is none; and what else `read_any_rig` raises.
+    """
+    folder = Path(job.left).parent if job.realtime else Path()
+    file = job.rig or find_rig(folder)
+    if file is None:
+        raise missing_rig(folder / "rig.json")
+    return read_any_rig(file, unit=job.rig_unit)
+
+
+def _eye_px(picture_px: tuple[int, int], layout: Layout | None) -> tuple[int, int]:
+    if layout is None:
+        return picture_px
+    width, height = picture_px
+    return (width // 2, height) if AXES[layout] else (width, height // 2)
+
+
+def _names(cameras: Capture) -> str:
+    return " and ".join(address.place for address in cameras.addresses)

@@ -1,0 +1,79 @@
+"""Before cameras are recorded: a pair is worked on, so that the first is not late."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from pseudolidar.errors import PseudolidarError
+from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.preflight import preflight
+from pseudolidar.sources.capture.live_pairs import LivePairs
+from pseudolidar.sources.source import SourceSummary
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.frame import StereoFrame
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class Specimen:
+    """A source of one frame that is there already.
+
+    Args:
+        summary: of the source that it is taken from.
+        frame: the frame.
+    """
+
+    summary: SourceSummary
+    frame: StereoFrame = field(repr=False)
+    yields: ClassVar = StereoFrame
+    refused: ClassVar[tuple[tuple[str, PseudolidarError], ...]] = ()
+
+    @property
+    def rig(self) -> StereoRig:
+        """Of the frame."""
+        return self.frame.rig
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Its name."""
+        return (self.frame.id,)
+
+    @property
+    def timestamps_ns(self) -> tuple[int, ...]:
+        """Its time."""
+        return (self.frame.timestamp_ns,)
+
+    def load(self, index: int) -> StereoFrame:  # noqa: ARG002 - there is one
+        """The frame."""
+        return self.frame
+
+
+def rehearsed(
+    source: LivePairs[Any], per_frame: Callable[[Any], object], *, check: bool
+) -> tuple[str, ...]:
+    """Work on a pair whose result nobody wants, and look whether the cameras stand as their rig.
+
+    Loading or compiling kernels takes seconds, in which no frame would be taken.
+
+    Args:
+        source: the cameras.
+        per_frame: what will be done to their frames.
+        check: look for swapped eyes and rows that are off.
+
+    Returns:
+        What is odd, which is logged.
+
+    Raises:
+        PairSwapped, NotRectified: the pairs would make no metres.
+        CalibrationSizeMismatch, PairMismatch: the pictures are of another size.
+    """
+    frame = source.specimen()
+    warnings = preflight(Specimen(source.summary, frame), wanted=check, crew=CrewPlan(1))
+    with contextlib.suppress(PseudolidarError):  # a lens cap may be on still
+        per_frame(frame)
+    return warnings

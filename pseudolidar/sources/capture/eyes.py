@@ -1,0 +1,154 @@
+"""Pictures of cameras to the pair that a frame is made of: colours, halves, order, size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import cast
+
+from pseudolidar.errors import CalibrationSizeMismatch, PairMismatch, UsageError
+from pseudolidar.sources.capture.live_pairs import Taken
+from pseudolidar.sources.capture.pair_buffer import ShotPair
+from pseudolidar.sources.video.packing import Layout, split_eyes
+from pseudolidar.structures.arrays import Image
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.frame import StereoFrame
+
+
+@dataclass(frozen=True)
+class Eyes:
+    """How the pictures of cameras become left and right.
+
+    Args:
+        layout: how one camera's pictures hold both eyes; None for two cameras.
+        swap: exchange left and right.
+        scale: size of the pair, of that of the pictures.
+    """
+
+    layout: Layout | None = None
+    swap: bool = False
+    scale: float = 1.0
+
+    def pair(self, shots: ShotPair) -> tuple[Image, Image, tuple[str, ...]]:
+        """Left and right (H, W, 3) RGB or (H, W) grey, and what was odd about them."""
+        from pseudolidar.formats.video.pixels import to_pixels
+
+        pictures = [to_pixels(shot.picture, rotated=True) for shot in shots.shots]
+        notes = tuple(dict.fromkeys(note for one in pictures for note in one.notes))
+        if self.layout is None:
+            left, right = (picture.pixels for picture in pictures)
+        else:
+            left, right = split_eyes(pictures[0].pixels, self.layout)
+        if left.shape != right.shape:
+            raise PairMismatch(
+                f"left {left.shape[1]}x{left.shape[0]}, right {right.shape[1]}x{right.shape[0]}",
+                want="cameras of the same size",
+                fix="Ask both for one size with --camera.size.",
+            )
+        if self.swap:
+            left, right = right, left
+        return self._scaled(left), self._scaled(right), notes
+
+    def size_of(self, full_px: tuple[int, int]) -> tuple[int, int]:
+        """(width, height) of the pair where an eye has `full_px`."""
+        return max(1, round(full_px[0] * self.scale)), max(1, round(full_px[1] * self.scale))
+
+    def _scaled(self, pixels: Image) -> Image:
+        if self.scale == 1:
+            return pixels
+        import cv2
+
+        size_px = self.size_of((pixels.shape[1], pixels.shape[0]))
+        return cast("Image", cv2.resize(pixels, size_px, interpolation=cv2.INTER_AREA))
+
+
+@dataclass(frozen=True)
+class Rectified:
+    """Makes rectified frames of cameras that deliver rectified pictures.
+
+    Args:
+        eyes: how left and right are found.
+        rig: of their size.
+    """
+
+    eyes: Eyes
+    rig: StereoRig = field(repr=False)
+
+    def __call__(self, taken: Taken) -> StereoFrame:
+        """The frame.
+
+        Raises:
+            CalibrationSizeMismatch, PairMismatch: a picture of another size.
+        """
+        left, right, notes = self.eyes.pair(taken.shots)
+        time_ns = taken.shots.time_ns
+        return StereoFrame(left, right, self.rig, taken.id, taken.index, time_ns, notes=notes)
+
+
+@dataclass(frozen=True, eq=False)
+class BarePair:
+    """A pair of cameras of which nothing else is known yet.
+
+    Args:
+        left: (H, W) grey or (H, W, 3) RGB.
+        right: like left.
+        id: name of the pair.
+        index: its number.
+        timestamp_ns: when it was taken.
+    """
+
+    left: Image
+    right: Image
+    id: str
+    index: int
+    timestamp_ns: int
+
+
+@dataclass(frozen=True)
+class Bare:
+    """Makes pairs as they are, to calibrate the cameras with.
+
+    Args:
+        eyes: how left and right are found.
+    """
+
+    eyes: Eyes
+
+    def __call__(self, taken: Taken) -> BarePair:
+        """The pair."""
+        left, right, _ = self.eyes.pair(taken.shots)
+        return BarePair(left, right, taken.id, taken.index, taken.shots.time_ns)
+
+
+def layout_by_size(picture_px: tuple[int, int], eye_px: tuple[int, int]) -> Layout:
+    """How one camera's pictures hold both eyes, by the size of an eye in its rig.
+
+    Raises:
+        UsageError: they hold one eye, or something else.
+    """
+    wide, high = (a / b for a, b in zip(picture_px, eye_px, strict=True))
+    if (wide, high) == (2, 1):
+        return "side-by-side"
+    if (wide, high) == (1, 2):
+        return "top-bottom"
+    raise UsageError(
+        "one camera, with pictures of {}x{}, and a rig for eyes of {}x{}".format(
+            *picture_px, *eye_px
+        ),
+        want="two cameras, or one whose pictures hold both eyes",
+        fix="Name the other camera, or how both are packed: `live CAM side-by-side OUT`.",
+    )
+
+
+def fitting(rig: StereoRig, eye_px: tuple[int, int], *, scale_calibration: bool) -> StereoRig:
+    """The rig for eyes of (width, height) `eye_px`.
+
+    Raises:
+        CalibrationSizeMismatch: it is for another size, and not to be scaled.
+    """
+    if rig.left.size_px == eye_px or scale_calibration:
+        return rig if rig.left.size_px == eye_px else rig.scaled_to(*eye_px)
+    raise CalibrationSizeMismatch(
+        "cameras that give {}x{}".format(*eye_px),
+        want="{}x{}, the size of the calibration".format(*rig.left.size_px),
+        fix="Ask the cameras for that size with --camera.size, or pass --scale-calibration.",
+    )
