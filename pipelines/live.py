@@ -19,11 +19,12 @@ from pseudolidar.clouds.normals import Normals
 from pseudolidar.clouds.outliers import Lonely
 from pseudolidar.clouds.thin import Density, Uniform, Voxel
 from pseudolidar.clouds.tool import CloudTools
-from pseudolidar.errors import OutputSettings, UsageError
+from pseudolidar.errors import CameraFault, OutputSettings, UsageError
 from pseudolidar.formats.mcap.content import McapContent
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in
 from pseudolidar.running.bad_frames import OnError
+from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME
 from pseudolidar.running.folder import check_usable
@@ -234,23 +235,35 @@ def record(
             stop=cameras.stop,
             tell=lambda: {"live": meter.figures.as_dict()},
         ) as run,
-        recording.open(job.out, held_before(job, run, source)) as log,
-        LiveTable(meter, words if pressed else "") as table,
     ):
-        cameras.begin()
-        if job.seconds is not None:
-            cameras.end_after(job.seconds)
-        outcomes = live_stream(source, per_frame, crew=job.crew, in_flight=run.in_flight)
-        for frame in run.good_live(outcomes, table):
-            with run.held():
-                log.append(frame.id, frame.value.parts)
-                latency_s = meter.done(source.taken_ns(frame.index))
-                figures = frame.value.figures | {"latency_s": round(latency_s, 4)}
-                run.commit(replace(frame, value=replace(frame.value, figures=figures)))
+        lost: CameraFault | None = None
+        with (
+            recording.open(job.out, held_before(job, run, source)) as log,
+            LiveTable(meter, words if pressed else "") as table,
+        ):
+            cameras.begin()
+            if job.seconds is not None:
+                cameras.end_after(job.seconds)
+            outcomes = live_stream(source, per_frame, crew=job.crew, in_flight=run.in_flight)
+            try:
+                for frame in run.good_live(outcomes, table):
+                    with run.held():
+                        log.append(frame.id, frame.value.parts)
+                        run.commit(timed(frame, meter.done(source.taken_ns(frame.index))))
+            except CameraFault as fault:  # the recording is completed all the same
+                lost = fault
+        if lost is not None:
+            raise lost
     opens = [job.out / folder for folder in job.to.folders if job.capture is None]
     opens += [job.out / name for name in recording.names]
     opens = [path for path in opens if path.exists()] or [job.out]
     return LiveReport(run.result(), meter.figures, job.out, tuple(opens))
+
+
+def timed(frame: Done[Product], latency_s: float) -> Done[Product]:
+    """The frame with its latency among its figures."""
+    figures = frame.value.figures | {"latency_s": round(latency_s, 4)}
+    return replace(frame, value=replace(frame.value, figures=figures))
 
 
 def held_before(job: Live, run: Run, source: LivePairs[Any]) -> tuple[str, ...]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import subprocess
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
 
@@ -25,7 +27,8 @@ RIG = {
 }
 MJPEG = {"codec": "mjpeg", "pix_fmt": "yuvj420p", "color_range": 2}
 # Writes videos to as many pipes, a picture each in turn, as the program of a camera would: paths of
-# videos and pipes by turns, then how many pictures; the rest waits until standard input closes.
+# videos and pipes by turns, then how many pictures; each further one waits for a line on standard
+# input, all the rest for its end.
 WRITER = """
 import sys
 import av
@@ -40,7 +43,8 @@ for source, target in zip(places[::2], places[1::2]):
 for number in range(len(tracks[0][0])):
     if number == int(count):
         print("written", flush=True)
-        sys.stdin.read()
+    if number >= int(count) >= 0:
+        sys.stdin.readline()
     for packets, copy, new in tracks:
         packets[number].stream = copy
         new.mux(packets[number])
@@ -92,13 +96,22 @@ def write_eyes(
 
 
 def writer(*videos_and_pipes: Path | str, count: int = -1) -> subprocess.Popen[str]:
-    """A process that writes videos to pipes; after `count` pictures it waits for its input."""
+    """A process that writes videos to pipes; after `count` pictures each waits for a line."""
     return subprocess.Popen(
         [sys.executable, "-c", WRITER, *map(str, videos_and_pipes), str(count)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
     )
+
+
+def send_until(feed: subprocess.Popen[str], enough: Callable[[], bool]) -> None:
+    """Let a writer send picture by picture until there is enough, or nobody reads any more."""
+    with contextlib.suppress(BrokenPipeError):
+        while not enough():
+            feed.stdin.write("\n")
+            feed.stdin.flush()
+            time.sleep(0.02)
 
 
 def damaged(source: Path, target: Path, numbers: Sequence[int], keep: float) -> Path:
