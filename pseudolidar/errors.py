@@ -244,6 +244,12 @@ class MotionInsufficient(PseudolidarError):
     advice = "Take a longer part of the drive, with turns in it."
 
 
+class BoardNotFound(PseudolidarError):
+    """A calibration board is seen in too few pictures, or by one eye only."""
+
+    advice = "Check --board and --square, and that both eyes see the board."
+
+
 class InputChanged(PseudolidarError):
     """A file was written to while it was read."""
 

@@ -26,6 +26,11 @@ def grey8_left(left: Image, right: Image) -> UInt8:
     return _grey8(left, shift_to_8_bits(left, right))
 
 
+def grey8_of(image: Image) -> UInt8:
+    """One image as (H, W) uint8 grey, by the same rule."""
+    return _grey8(image, shift_to_8_bits(image))
+
+
 def shift_to_8_bits(*images: Image) -> int:
     """Bits that the brightest pixel of a pair has beyond 8; 0 for 8-bit images."""
     if images[0].dtype == np.uint8:

@@ -19,6 +19,23 @@ def skew(vectors: Float64) -> Float64:
     return matrix
 
 
+def exp_twists(twists: Float64) -> Float64:
+    """(N, 4, 4) rigid motions of twists (N, 6), as `exp_twist` has them."""
+    shift, rotation = twists[:, :3], twists[:, 3:]
+    angle = np.linalg.norm(rotation, axis=1)
+    tiny = angle < SMALL_ANGLE_RAD
+    safe = np.where(tiny, 1.0, angle)
+    first = np.where(tiny, 1.0, np.sin(safe) / safe)[:, None, None]
+    second = np.where(tiny, 0.5, (1.0 - np.cos(safe)) / safe**2)[:, None, None]
+    third = np.where(tiny, 1.0 / 6.0, (safe - np.sin(safe)) / safe**3)[:, None, None]
+    W = skew(rotation)
+    WW = W @ W
+    motions = np.tile(np.eye(4), (len(twists), 1, 1))
+    motions[:, :3, :3] += first * W + second * WW
+    motions[:, :3, 3] = ((np.eye(3) + second * W + third * WW) @ shift[..., None])[..., 0]
+    return motions
+
+
 def exp_twist(twist: Float64) -> Float64:
     """(4, 4) rigid motion of a twist (6,): translation part in metres, then rotation vector, rad.
 

@@ -1,0 +1,362 @@
+"""Calibrate two cameras from pictures of a board; the rig file is taken by every other verb."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, cast
+
+import numpy as np
+
+from pseudolidar.calibration.boards.board import Board, BoardName, Dictionary
+from pseudolidar.calibration.boards.seen import BoardSeen, FindInPair
+from pseudolidar.calibration.solving.calibrated import Calibration, ModelChoice, calibrate
+from pseudolidar.calibration.solving.left_out import LeftOut
+from pseudolidar.calibration.solving.observations import LEAST_CORNERS, Observations
+from pseudolidar.calibration.solving.solve import LEAST_VIEWS, Views
+from pseudolidar.errors import ALL_DONE, SOME_SKIPPED, BoardNotFound, printable
+from pseudolidar.running.crew.attempt import Skipped
+from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
+from pseudolidar.running.progress import FrameProgress
+from pseudolidar.running.rig_output import check_rig_place, store_rig
+from pseudolidar.running.stream import stream
+from pseudolidar.running.table import table_text
+from pseudolidar.sources.bare_films import Films, recognise_bare
+from pseudolidar.sources.bare_pairs import BarePair, BarePairs, Pictures
+from pseudolidar.sources.selection import FrameSelection
+from pseudolidar.sources.source import evenly_placed
+
+# Pairs that are looked at thoroughly before a set without a board is given up.
+PAIRS_TRIED = 3
+
+
+@dataclass(frozen=True)
+class Calibrate:
+    """Calibrate two cameras from pairs of pictures of a board, and write the rig file.
+
+    Every pair is looked at; the lens model is the one that predicts views best that were held out
+    of the fit. Pairs that disagree with the others are left out with the reason, and each eye is
+    used alone. Exchanged eyes are found and exchanged back. Standard deviations, rows on held-out
+    views, coverage and the depth error to expect say what the result is worth; a poor one is called
+    poor, with what to do next.
+
+    Metres follow from --square: measure the printed board over many squares.
+
+        pseudolidar calibrate pictures --board chessboard:9x6 --square 0.025 --out rig.json
+        pseudolidar calibrate left.mp4 --board charuco:8x6 --square 0.03 --marker 0.022
+        pseudolidar convert drive out --rig rig.json
+
+    Args:
+        source: pairs of pictures in folders, two videos, or one with both eyes. Of videos, steady,
+            sharp and new views are taken.
+        board: kind and counts: `chessboard:9x6` (inner corners), `charuco:8x6` (squares),
+            `circles:7x6`, `acircles:4x11` (asymmetric), `aprilgrid:6x6` (tags).
+        square: side of a square, m; distance of neighbouring circles, of asymmetric ones that of
+            neighbouring rows; side of an AprilGrid's tag.
+        marker: side of a ChArUco marker, m (by default 3/4 of the square); gap between the tags of
+            an AprilGrid (0.3 of the tag).
+        dictionary: of the markers: 4x4, 5x5 (ChArUco's default), 6x6, 7x7 or 36h11 (AprilTags).
+        model: of the lenses: `pinhole` (5 coefficients), `pinhole8`, `thin-prism` (12), `fisheye`;
+            `auto` tries pinhole, fisheye and pinhole8.
+        out: the rig file.
+        frames: only these pairs: slices 100:400:2, ids 13,35, or @FILE with such items.
+        exclude: not these.
+        workers: pairs looked at at the same time; by default one per core.
+        overwrite: replace OUT, if that is a rig file; it is kept as OUT's name with .previous.
+    """
+
+    source: Annotated[Pictures | Films, Recognised(recognise_bare)]
+    board: BoardName
+    square: float
+    marker: float | None = None
+    dictionary: Dictionary | None = None
+    model: ModelChoice = "auto"
+    out: Annotated[Path, RUN_ONLY] = Path("rig.json")
+    frames: FrameSelection | None = None
+    exclude: FrameSelection | None = None
+    workers: Annotated[int | None, RUN_ONLY] = None
+    overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+
+
+def run(job: Calibrate) -> CalibrateReport:
+    """Find the board in every pair, solve, judge, write the rig.
+
+    Raises:
+        UsageError: OUT is there already, or a board that cannot be.
+        BoardNotFound: too few pairs in which both eyes see the board.
+    """
+    board = Board.of(job.board, job.square, marker_m=job.marker, dictionary=job.dictionary)
+    check_rig_place(job.out, overwrite=job.overwrite)
+    pairs = job.source.open().chosen(job.frames, job.exclude)
+    crew = CrewPlan(job.workers)
+    found, skipped = boards_in(pairs, board, crew)
+    views, unseen = views_of(found, board, pairs)
+    with FrameProgress(3 if job.model == "auto" else 1, what="models") as progress:
+        calibration = calibrate(views, job.model, tried=progress.advance)
+    previous = store_rig(job.out, calibration.rig)
+    return CalibrateReport(pairs, calibration, unseen, tuple(skipped), job.out, previous)
+
+
+def boards_in(
+    pairs: BarePairs, board: Board, crew: CrewPlan
+) -> tuple[list[BoardSeen], list[Skipped]]:
+    """What is seen of the board in every pair, and the pairs that cannot be read.
+
+    First the quick way; then pictures without a board are looked at thoroughly, unless a few of
+    them show that it is another board that is asked for.
+    """
+    found, skipped = looked_at(pairs, FindInPair(board, thorough=False), crew, what="pairs")
+    missing = [seen for seen in found if seen.left is None or seen.right is None]
+    if missing and len(missing) == len(found):
+        few = [missing[place] for place in evenly_placed(len(missing), most=PAIRS_TRIED)]
+        tried, _ = looked_at(_named(pairs, few), FindInPair(board), crew, what="looking closer")
+        if not any(seen.left or seen.right for seen in tried):
+            return found, skipped
+    closer, _ = looked_at(_named(pairs, missing), FindInPair(board), crew, what="looking closer")
+    better = {seen.id: seen for seen in closer}
+    return [better.get(seen.id, seen) for seen in found], skipped
+
+
+def looked_at(
+    pairs: BarePairs, find: FindInPair, crew: CrewPlan, *, what: str
+) -> tuple[list[BoardSeen], list[Skipped]]:
+    """What is seen in pairs, and those that cannot be read."""
+
+    def look(pair: BarePair) -> BoardSeen:
+        return find(pair.left, pair.right, pair.id)
+
+    found: list[BoardSeen] = []
+    skipped: list[Skipped] = []
+    if not pairs.ids:
+        return found, skipped
+    with FrameProgress(len(pairs.ids), what=what) as progress:
+        # The engine asks of a frame only that it can be loaded; these have no calibration yet.
+        for outcome in stream(cast("Any", pairs), cast("Any", look), crew=crew):
+            if isinstance(outcome, Skipped):
+                skipped.append(outcome)
+                progress.skip()
+            else:
+                found.append(outcome.value)
+                progress.advance()
+    return found, skipped
+
+
+def _named(pairs: BarePairs, seen: list[BoardSeen]) -> BarePairs:
+    """The pairs that these are."""
+    place = {name: index for index, name in enumerate(pairs.ids)}
+    return replace(pairs.at([place[each.id] for each in seen]), refused=())
+
+
+def views_of(
+    found: list[BoardSeen], board: Board, pairs: BarePairs
+) -> tuple[Views, tuple[LeftOut, ...]]:
+    """The pairs in which an eye sees the board, and why others are left out.
+
+    Raises:
+        BoardNotFound: both eyes see it in too few.
+    """
+    left_out: list[LeftOut] = []
+    sizes = Counter(seen.sizes_px for seen in found)
+    usual = sizes.most_common(1)[0][0] if sizes else ((0, 0), (0, 0))
+    used = []
+    for seen in found:
+        parts = (seen.left, seen.right)
+        missing = [
+            eye
+            for eye, part in zip(("left", "right"), parts, strict=True)
+            if part is None or len(part) < LEAST_CORNERS
+        ]
+        if seen.sizes_px != usual:
+            left_out.append(LeftOut(seen.id, f"pictures of {_sizes(seen.sizes_px)}, where the "
+                                    f"others have {_sizes(usual)}"))  # fmt: skip
+            continue
+        if missing:
+            eyes = "neither eye sees" if len(missing) == 2 else f"the {missing[0]} eye does not see"
+            left_out.append(LeftOut(seen.id, f"{eyes} the board"))
+        if len(missing) < 2:
+            used.append(seen)
+    both = [seen for seen in used if seen.left is not None and seen.right is not None]
+    if len(both) < LEAST_VIEWS:
+        raise BoardNotFound(
+            f"both eyes see the {board.name} in {len(both)} of {len(found)} pairs",
+            want=f"{LEAST_VIEWS} pairs or more, better 20",
+            fix="Check --board: chessboards count inner corners, ChArUco boards squares. Take "
+            "pictures in which both eyes see all of the board, sharp and lit evenly.",
+            path=pairs.summary.path,
+        )
+    observations = Observations.of(board.points_m, [(seen.left, seen.right) for seen in used])
+    return Views(board, tuple(s.id for s in used), observations, usual), tuple(left_out)
+
+
+def _sizes(sizes_px: tuple[tuple[int, int], tuple[int, int]]) -> str:
+    return " and ".join(f"{width}x{height}" for width, height in dict.fromkeys(sizes_px))
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrateReport:
+    """What was found, and what it is worth.
+
+    Args:
+        pairs: what was looked at.
+        calibration: the result.
+        unseen: pairs in which an eye does not see the board.
+        skipped: pairs that cannot be read.
+        out: the rig file.
+        previous: where the rig file is that `out` replaced; None where there was none.
+    """
+
+    pairs: BarePairs
+    calibration: Calibration
+    unseen: tuple[LeftOut, ...]
+    skipped: tuple[Skipped, ...]
+    out: Path
+    previous: Path | None
+
+    @property
+    def exit_code(self) -> int:
+        """4 if pictures could not be read, else 0."""
+        return SOME_SKIPPED if self.skipped else ALL_DONE
+
+    @property
+    def left_out(self) -> tuple[LeftOut, ...]:
+        """Every pair that does not tie the eyes together, with the reason."""
+        unread = tuple(LeftOut(frame.id, str(frame.error)) for frame in self.skipped)
+        return (*self.calibration.solution.left_out, *self.unseen, *unread)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For `--json`."""
+        found, solution = self.calibration, self.calibration.solution
+        rig, sure, verdict = found.rig, found.sure, found.verdict
+        return {
+            "model": solution.model,
+            "rms_left": solution.rms_px[0],
+            "rms_right": solution.rms_px[1],
+            "rms_stereo": solution.rms_stereo_px,
+            "baseline_m": solution.baseline_m,
+            "baseline_sigma_m": sure.baseline_m,
+            "holdout_row_error_px": found.chosen.held_out.row_error_px,
+            "views_used": len(solution.paired),
+            "views_dropped": len(self.left_out),
+            "swapped": solution.swapped,
+            "verdict": verdict.grade,
+            "next_steps": list(verdict.steps),
+            "judgements": [judgement.as_dict() for judgement in verdict.judgements],
+            "dropped": [view.as_dict() for view in self.left_out],
+            "boards_turned": list(solution.turned),
+            "coverage_left": verdict.coverage[0].share,
+            "coverage_right": verdict.coverage[1].share,
+            "depth_sigma_m": sure.depth_m.tolist(),
+            "left": _camera(rig.left.K, rig.left.distortion, rig.left.size_px),
+            "right": _camera(rig.right.K, rig.right.distortion, rig.right.size_px),
+            "T_right_left": rig.T_right_left.matrix.tolist(),
+            "views": self._views(),
+            "models": [
+                {
+                    "model": candidate.solution.model,
+                    "prediction_px": candidate.typical_px,
+                    "rms_stereo": candidate.solution.rms_stereo_px,
+                    "holdout_row_error_px": candidate.held_out.row_error_px,
+                }
+                for candidate in found.tried
+            ],
+            "source": self.pairs.summary.line,
+            "path": self.pairs.summary.path,
+            "out": str(self.out),
+            "previous": None if self.previous is None else str(self.previous),
+        }
+
+    def _views(self) -> list[dict[str, Any]]:
+        solution = self.calibration.solution
+        squares = (solution.residuals**2).sum(axis=-1)
+        rows = self.calibration.chosen.held_out.rows_px
+        views = []
+        for place, view in enumerate(solution.paired):
+            seen = solution.pairs.seen[place]
+            known = rows[place][np.isfinite(rows[place])]
+            views.append(
+                {
+                    "id": solution.views.ids[view],
+                    "corners": seen.sum(axis=1).tolist(),
+                    "rms_left": _rms(squares[place, 0], seen[0]),
+                    "rms_right": _rms(squares[place, 1], seen[1]),
+                    "holdout_row_error_px": float(np.abs(known).mean()) if len(known) else None,
+                }
+            )
+        return views
+
+    def text(self) -> str:
+        """For people."""
+        found, solution = self.calibration, self.calibration.solution
+        sure, verdict = found.sure, found.verdict
+        lines = [self.pairs.summary.line, *self.pairs.summary.notes]
+        if solution.swapped:
+            lines.append(
+                "SWAPPED: what is called left stands right. The rig is written with the eyes "
+                "exchanged back: pass --swap to every verb that takes these pictures with it."
+            )
+        if solution.turned:
+            lines.append(f"board read from the other end by one eye, put right: "
+                         f"{', '.join(solution.turned)}")  # fmt: skip
+        lines += [f"left out: {view.id}: {view.reason}{_off(view)}" for view in self.left_out]
+        lines.append(table_text(self._figures()))
+        if len(found.tried) > 1:
+            rows = [
+                (
+                    ("* " if candidate is found.chosen else "  ") + candidate.solution.model,
+                    f"{candidate.typical_px:.3f}",
+                    f"{candidate.solution.rms_stereo_px:.3f}",
+                    f"{candidate.held_out.row_error_px:.3f}",
+                    str(len(candidate.solution.paired)),
+                )
+                for candidate in found.tried
+            ]
+            header = ("model", "held-out views, px", "stereo rms, px", "rows, px", "pairs")
+            lines.append(table_text(rows, header=header))
+        depths = ", ".join(f"{z:g} m: {s:.2g} m" for z, s in sure.depth_m)
+        lines.append(f"depth error to expect from the calibration alone: {depths}")
+        lines.append(f"verdict: {verdict}")
+        lines += [f"  next: {step}" for step in verdict.steps]
+        lines.append(f"  {self.out}")
+        if self.previous is not None:
+            lines.append(f"  the one before: {self.previous}")
+        return "\n".join(printable(part) for line in lines for part in line.splitlines())
+
+    def _figures(self) -> list[tuple[str, str]]:
+        found, solution = self.calibration, self.calibration.solution
+        sure, coverage = found.sure, found.verdict.coverage
+        used, given = len(solution.paired), len(self.pairs.ids)
+        cameras = [
+            (
+                f"{eye} camera",
+                f"f {c[0]:.2f} +- {s.intrinsics_px[0]:.2f}, {c[1]:.2f} +- {s.intrinsics_px[1]:.2f} "
+                f"px; centre {c[2]:.2f} +- {s.intrinsics_px[2]:.2f}, {c[3]:.2f} +- "
+                f"{s.intrinsics_px[3]:.2f}",
+            )
+            for eye, c, s in zip(
+                ("left", "right"), solution.fit.state.cameras, (sure.left, sure.right), strict=True
+            )
+        ]
+        return [
+            ("model", solution.model),
+            ("pairs", f"{used} used of {given}"),
+            ("rms left, right", f"{solution.rms_px[0]:.3f}, {solution.rms_px[1]:.3f} px"),
+            ("rms stereo", f"{solution.rms_stereo_px:.3f} px"),
+            ("rows of held-out views", f"{found.chosen.held_out.row_error_px:.3f} px"),
+            ("baseline", f"{solution.baseline_m:.5f} +- {sure.baseline_m:.5f} m"),
+            *cameras,
+            ("covered", f"left {coverage[0].share:.0%}, right {coverage[1].share:.0%}"),
+        ]
+
+
+def _rms(squares: Any, seen: Any) -> float | None:
+    return float(np.sqrt(squares[seen].mean())) if seen.any() else None
+
+
+def _off(view: LeftOut) -> str:
+    return "" if view.off_px is None else f" ({view.off_px:.2f} px)"
+
+
+def _camera(K: Any, distortion: Any, size_px: tuple[int, int]) -> dict[str, Any]:
+    return {"K": K.tolist(), "distortion": distortion.tolist(), "size_px": list(size_px)}

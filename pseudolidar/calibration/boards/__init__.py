@@ -1,0 +1,1 @@
+"""Calibration boards: what they are, how they are found in pictures, how they are drawn."""

@@ -1,0 +1,139 @@
+"""From pictures of a board to a rig file, on the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from pseudolidar.cli import main
+from pseudolidar.formats.rigs.rig_json import read_rig
+from tests.boards import board, picture, pinhole_rig, poses
+
+PAIRS = 8
+RIG = pinhole_rig()
+
+
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Eight pairs of a chessboard; not to be changed."""
+    folder = tmp_path_factory.mktemp("boards")
+    made = board("chessboard:9x6")
+    for n, T in enumerate(poses(made, PAIRS, seed=2, near=1.7, spread=0.4)):
+        for eye, camera, T_eye in (
+            ("left", RIG.left, np.eye(4)),
+            ("right", RIG.right, RIG.T_right_left.matrix),
+        ):
+            seen = picture(camera, made, T_eye @ T, seed=n, samples=1)
+            cv2.imwrite(str(folder / f"{eye}{n:02d}.png"), seen)
+    return folder
+
+
+def changed(pictures: Path, folder: Path) -> Path:
+    for file in pictures.iterdir():
+        (folder / file.name).symlink_to(file)
+    return folder
+
+
+def command(folder: Path, out: Path, *more: str) -> list[str]:
+    fixed = ["--board", "chessboard:9x6", "--square", "0.03", "--model", "pinhole"]
+    return ["calibrate", str(folder), *fixed, "--out", str(out), *more]
+
+
+def test_a_rig_file_that_other_verbs_read(pictures, tmp_path, capsys):
+    out = tmp_path / "rig.json"
+    assert main(command(pictures, out, "--json")) == 0
+    told = json.loads(capsys.readouterr().out)
+    wanted = {"model", "rms_left", "rms_right", "rms_stereo", "baseline_m", "baseline_sigma_m",
+              "holdout_row_error_px", "views_used", "views_dropped", "swapped"}  # fmt: skip
+    assert wanted <= set(told)
+    assert told["model"] == "pinhole"
+    assert (told["views_used"], told["views_dropped"], told["swapped"]) == (PAIRS, 0, False)
+    assert told["rms_stereo"] < 0.1
+    assert told["holdout_row_error_px"] < 0.1
+    truth_m = float(np.linalg.norm(RIG.T_right_left.translation_m))
+    assert told["baseline_m"] == pytest.approx(truth_m, abs=4 * told["baseline_sigma_m"] + 1e-4)
+    rig = read_rig(out)
+    assert rig.left.focal_px == pytest.approx(RIG.left.focal_px, rel=0.01)
+    assert rig.quality is not None
+    assert rig.quality.views == PAIRS
+
+
+def test_the_same_for_people(pictures, tmp_path, capsys):
+    assert main(command(pictures, tmp_path / "rig.json")) == 0
+    out = capsys.readouterr().out
+    assert "8 used of 8" in out
+    assert "verdict: " in out
+    assert "next: Take more pairs" in out  # eight are not many
+
+
+def test_exchanged_eyes_are_named(pictures, tmp_path, capsys):
+    folder = tmp_path / "swapped"
+    folder.mkdir()
+    for file in pictures.iterdir():
+        eye = "right" if file.name.startswith("left") else "left"
+        (folder / (eye + file.name.removeprefix("left").removeprefix("right"))).symlink_to(file)
+    assert main(command(folder, tmp_path / "rig.json")) == 0
+    assert "SWAPPED" in capsys.readouterr().out
+    assert read_rig(tmp_path / "rig.json").T_right_left.translation_m[0] < 0
+
+
+def test_a_rig_is_replaced_only_when_asked_and_kept(pictures, tmp_path, capsys):
+    out = tmp_path / "rig.json"
+    assert main(command(pictures, out)) == 0
+    first = out.read_bytes()
+    assert main(command(pictures, out)) == 2
+    assert "there is such a file already" in capsys.readouterr().err
+    assert main(command(pictures, out, "--overwrite", "--frames", "0:7")) == 0
+    assert (tmp_path / "rig.previous.json").read_bytes() == first
+    assert read_rig(out).quality.views == 7
+
+
+def test_pictures_that_cannot_be_used_are_told_with_the_reason(pictures, tmp_path, capsys):
+    folder = changed(pictures, tmp_path)
+    (folder / "left03.png").unlink()
+    (folder / "left03.png").write_bytes((pictures / "left03.png").read_bytes()[:5000])
+    (folder / "right05.png").unlink()
+    cv2.imwrite(str(folder / "right05.png"), np.full((480, 640), 90, np.uint8))
+    (folder / "right06.png").unlink()
+    cv2.imwrite(str(folder / "right06.png"), np.full((240, 320), 90, np.uint8))
+    assert main(command(folder, tmp_path / "rig.json", "--json")) == 4
+    told = json.loads(capsys.readouterr().out)
+    reasons = {view["id"]: view["reason"] for view in told["dropped"]}
+    assert set(reasons) == {"03", "05", "06"}
+    assert "ImageTruncated" in reasons["03"] or "ImageUnreadable" in reasons["03"]
+    assert reasons["05"] == "the right eye does not see the board"
+    assert "640x480 and 320x240" in reasons["06"]
+    assert (told["views_used"], told["views_dropped"]) == (5, 3)
+
+
+@pytest.mark.parametrize(
+    ("more", "code", "words"),
+    [
+        (["--board", "chessboard:8x5"], 3, "BoardNotFound"),
+        (["--board", "chessboard"], 2, "--board"),
+        (["--square", "30"], 2, "metres"),
+        (["--square", "-1"], 2, "metres"),
+        (["--frames", "0:4"], 3, "4 of 4 pairs"),
+        (["--frames", "77"], 2, "77"),
+        (["--model", "cubic"], 2, "model"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(pictures, tmp_path, capsys, more, code, words):
+    args = command(pictures, tmp_path / "rig.json")
+    for flag, value in zip(more[::2], more[1::2], strict=True):
+        if flag in args:
+            args[args.index(flag) + 1] = value
+        else:
+            args += [flag, value]
+    assert main(args) == code
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "rig.json").exists()
+
+
+def test_a_folder_without_pairs_is_refused(tmp_path, capsys):
+    assert main(command(tmp_path, tmp_path / "rig.json")) == 3
+    assert "no pair of pictures" in capsys.readouterr().err
