@@ -60,14 +60,18 @@ class JointEffect:
         return self.alone_px > CANCELLING * self.together_px
 
     @property
-    def text(self) -> str:
-        """The sum in words."""
+    def shape(self) -> str:
+        """The sum over the columns of the image, in words; empty where nothing is known."""
         places = (
             ("in the middle of the image", self.middle_px),
             ("towards its sides", self.sides_px),
         )
-        words = [f"{px:+.2f} px {where}" for where, px in places if px is not None]
-        shape = f" ({', '.join(words)})" if words else ""
+        return ", ".join(f"{px:+.2f} px {where}" for where, px in places if px is not None)
+
+    @property
+    def text(self) -> str:
+        """The sum in words, beside its parts."""
+        shape = f" ({self.shape})" if self.shape else ""
         alone = f"alone they would make up to {self.alone_px:.1f} px"
         return f"{alone}, together {self.together_px:.2f} px{shape}"
 

@@ -12,6 +12,7 @@ from pseudolidar.running.reports.clouds_report import CloudsReport
 from pseudolidar.running.reports.clouds_sections import clouds_section
 from pseudolidar.running.reports.comparison_page import PAGE_PX
 from pseudolidar.running.reports.conversion_page import REPORT_NAME
+from pseudolidar.running.reports.left_out import left_out_words
 from pseudolidar.running.reports.numbers import counted, metres, percent
 
 
@@ -40,12 +41,8 @@ def clouds_page(report: CloudsReport) -> bytes:
         report: how the comparison went.
     """
     compared = report.comparison
-    frames = [counted(compared.frames, "frame")]
-    for count, why in (
-        (report.without_reference, "without a reference"),
-        (len(report.result.skipped), "skipped"),
-    ):
-        frames += [f"{count} {why}"] if count else []
+    left_out = left_out_words(report.result, report.without_reference)
+    frames = [counted(compared.frames, "frame"), *left_out]
     sections = [
         Section(
             "What was compared",

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pseudolidar.evaluation.comparison.clouds import F_RADII_M, CloudComparison, CloudFigures
+from pseudolidar.running.reports.left_out import left_out_facts, left_out_words
 from pseudolidar.running.reports.numbers import bare, bare_metres, counted
 from pseudolidar.running.results import RunResult
 from pseudolidar.running.table import ruled_text
@@ -56,21 +57,22 @@ class CloudsReport:
     @property
     def facts(self) -> dict[str, Any]:
         """Figures, then what was left out."""
-        skipped = [{"id": each.id, **(each.skipped or {})} for each in self.result.skipped]
-        left_out = {"without_reference": self.without_reference, "skipped": skipped}
+        left_out = left_out_facts(self.result, self.without_reference)
         return {**self.comparison.as_dict(), "notes": list(self.notes), **left_out}
 
     def as_dict(self) -> dict[str, Any]:
         """The same, and what there is to open."""
-        return {**self.facts, "files": [str(path) for path in self.files]}
+        warnings = list(self.result.warnings)
+        return {**self.facts, "warnings": warnings, "files": [str(path) for path in self.files]}
 
     def text(self) -> str:
         """The table."""
         compared = self.comparison
-        left_out = f", {self.without_reference} without reference" if self.without_reference else ""
+        frames = f"{counted(compared.frames, 'frame')} against {compared.reference}"
+        left_out = left_out_words(self.result, self.without_reference)
         lines = [
             compared.subject,
-            f"{counted(compared.frames, 'frame')} against {compared.reference}{left_out}",
+            ", ".join([frames, *left_out]),
             *(f"  {note}" for note in self.notes),
             *cloud_lines(compared),
             "",

@@ -33,6 +33,7 @@ from pseudolidar.running.reports.comparison_words import (
     key_figures,
 )
 from pseudolidar.running.reports.conversion_page import REPORT_NAME, rig_rows
+from pseudolidar.running.reports.left_out import left_out_words
 from pseudolidar.running.reports.numbers import counted, percent
 from pseudolidar.running.reports.samples import FrameSample, read_samples
 
@@ -79,6 +80,7 @@ def comparison_page(
         settings: what was chosen, by name, for the reader.
     """
     compared = report.comparison
+    name, _, _ = report.result.source.line.partition(":")
     sections = [
         Section("Verdict", points=verdict(compared)),
         Section("What was compared", table=_compared_rows(report, settings)),
@@ -96,7 +98,8 @@ def comparison_page(
     ]
     return render_page(
         f"Stereo depth against {compared.reference}",
-        "compared at the same pixels of the left picture, pooled over the points of all frames",
+        f"{name}; compared at the same pixels of the left picture, pooled over the points of all "
+        "frames",
         sections,
         lead=headline(compared, compared.reference, len(compared.per_frame)),
         keys=key_figures(compared),
@@ -107,11 +110,7 @@ def comparison_page(
 def _compared_rows(report: ComparisonReport, settings: Mapping[str, str]) -> list[tuple[str, str]]:
     compared, result = report.comparison, report.result
     frames = f"{len(compared.frames)} of {result.total} compared"
-    left_out = [
-        (report.without_reference, "without a reference"),
-        (len(result.skipped), "skipped"),
-    ]
-    frames = ", ".join([frames, *(f"{count} {why}" for count, why in left_out if count)])
+    frames = ", ".join([frames, *left_out_words(result, report.without_reference)])
     rows = [("source", result.source.line), ("reference", compared.reference), ("frames", frames)]
     rows += [*settings.items(), *rig_rows(compared.frames[0].rig)]
     rows += [("note", note) for note in report.notes]

@@ -10,6 +10,7 @@ from typing import Any
 from pseudolidar.evaluation.comparison.comparison import Comparison
 from pseudolidar.evaluation.comparison.figures import DepthFigures
 from pseudolidar.running.reports.clouds_report import cloud_lines
+from pseudolidar.running.reports.left_out import left_out_facts, left_out_words
 from pseudolidar.running.reports.numbers import bare, counted, percent
 from pseudolidar.running.results import RunResult
 from pseudolidar.running.table import ruled_text
@@ -62,13 +63,8 @@ class ComparisonReport:
     @property
     def facts(self) -> dict[str, Any]:
         """Figures, then what was left out; the same however the run went."""
-        skipped = [{"id": each.id, **(each.skipped or {})} for each in self.result.skipped]
-        return {
-            **self.comparison.as_dict(),
-            "without_reference": self.without_reference,
-            "skipped": skipped,
-            "notes": list(self.notes),
-        }
+        left_out = left_out_facts(self.result, self.without_reference)
+        return {**self.comparison.as_dict(), **left_out, "notes": list(self.notes)}
 
     def as_dict(self) -> dict[str, Any]:
         """The same, and what there is to open."""
@@ -82,11 +78,11 @@ class ComparisonReport:
     def text(self) -> str:
         """Tables for a terminal, the causes in words, and what to open."""
         compared = self.comparison
-        left_out = f", {self.without_reference} without reference" if self.without_reference else ""
+        frames = f"{counted(len(compared.per_frame), 'frame')} against {compared.reference}"
+        left_out = left_out_words(self.result, self.without_reference)
         lines = [
             compared.subject,
-            f"{counted(len(compared.per_frame), 'frame')} against {compared.reference}{left_out}; "
-            "pooled over points, by the reference's depth",
+            f"{', '.join([frames, *left_out])}; pooled over points, by the reference's depth",
             *(f"  {note}" for note in self.notes),
             "",
             comparison_table(compared),

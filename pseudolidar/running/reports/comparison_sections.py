@@ -25,11 +25,11 @@ from pseudolidar.evaluation.comparison.profiles import DisparityErrorBin
 from pseudolidar.evaluation.diagnosis.diagnosis import Diagnosis
 from pseudolidar.evaluation.page import Picture, PictureRow, Section
 from pseudolidar.running.reports.comparison_words import (
-    CAUSE_HEADER,
     COVERAGE_HEADER,
     RANGE_HEADER,
     SIGMA_HEADER,
     alternative_words,
+    cause_header,
     cause_table,
     coverage_table,
     diagnosis_words,
@@ -198,7 +198,7 @@ def diagnosis_sections(compared: Comparison) -> list[Section]:
             diagnosis_words(diagnosis),
             points=timing,
             table=cause_table(diagnosis),
-            header=CAUSE_HEADER,
+            header=cause_header(diagnosis),
             cells="words",
             pictures=[PictureRow((_explained(diagnosis),))],
         )

@@ -77,9 +77,10 @@ def cause_words(diagnosis: Diagnosis) -> str:
         return "No cause in the rig explains more than chance"
     share = percent(chosen.explained, digits=0)
     if chosen.effect.cancels:
+        shape = f", together {chosen.effect.shape}" if chosen.effect.shape else ""
         return (
-            f"A sum of large causes that cancel each other fits best ({share}): none of them is "
-            "found for itself"
+            f"A sum of large causes that cancel each other fits best ({share}){shape}: none of "
+            "them is found for itself"
         )
     causes = sentence("; ".join(found.text for found in chosen.causes))
     others = len(diagnosis.alternatives)

@@ -193,11 +193,14 @@ def _bins(compared: Figures) -> list[tuple[str, DepthFigures]]:
     return [*rows, (f"all, {low}-{high}", compared.overall)]
 
 
-CAUSE_HEADER = ("what fits", "cause", "size", "looks the same as")
+def cause_header(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Heads of the table of causes: of a sum they are parts, and none of them is found."""
+    what = "parts of a sum, none found alone" if diagnosis.chosen.effect.cancels else "what fits"
+    return (what, "cause", "size", "looks the same as")
 
 
 def cause_table(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """The chosen causes with their sizes, as cells of `CAUSE_HEADER`."""
+    """The chosen causes with their sizes, as cells of `cause_header`."""
     return [
         (
             sentence(found.text),
@@ -216,9 +219,9 @@ def diagnosis_words(diagnosis: Diagnosis) -> str:
     if not chosen.causes:
         return f"{size}. The rig is healthy: no cause explains more than chance."
     share = percent(chosen.explained, digits=0)
+    by = "a sum of those below" if chosen.effect.cancels else "the causes below"
     words = [
-        f"{size}; {share} of it is explained by the causes below, "
-        f"{diagnosis.unexplained_px:.2f} px are left."
+        f"{size}; {share} of it is explained by {by}, {diagnosis.unexplained_px:.2f} px are left."
     ]
     if chosen.effect.cancels:
         words.append(f"{sentence(chosen.effect.text)}: only the sum is sure, none of them alone.")
