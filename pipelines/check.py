@@ -96,7 +96,8 @@ def run(job: Check) -> CheckReport:
         check_rig_place(job.out, overwrite=job.overwrite)
     source = opened(job)
     every = range(len(source.ids)) if job.frames is not None else None
-    check = check_source(source, every, crew=CrewPlan(job.workers), neighbours=True)
+    crew = CrewPlan(job.workers)
+    check = check_source(source, every, crew=crew, neighbours=True, timeout_s=crew.timeout_s)
     if not check.pairs and check.error is None:
         raise unreadable(check)
     maps = maps_found(job, source)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
-from typing import TextIO
+from typing import NoReturn, TextIO
 
 from pseudolidar.commandline.arguments import take_switch
 from pseudolidar.commandline.outcome import (
@@ -22,6 +23,7 @@ from pseudolidar.commandline.streams import (
     write_result,
 )
 from pseudolidar.errors import ALL_DONE, Interrupted, UsageError
+from pseudolidar.running.crew.given_up import still_working
 from pseudolidar.running.kernel_cache import prepare_kernel_cache
 from pseudolidar.running.signals import Stopped, StopSignals
 
@@ -75,5 +77,20 @@ def _run(args: list[str], out: TextIO, *, as_json: bool, debug: bool) -> int:
     return code
 
 
+def program() -> NoReturn:
+    """Run the command line as a process of its own, and end it.
+
+    A frame that was given up still runs in a thread. The end of the interpreter would meet it
+    inside a library, which aborts the process and loses its status, so that is left out.
+    """
+    code = main()
+    if still_working():
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError, ValueError):  # closed, or nobody reads it any more
+                stream.flush()
+        os._exit(code)
+    sys.exit(code)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    program()

@@ -354,3 +354,24 @@ def test_names_that_are_no_text_are_printed_escaped() -> None:
     ended = command(*job("no\udcffwhere"), PYTHONIOENCODING="utf-8")
     assert ended.returncode == 3
     assert "no\\udcffwhere" in ended.stderr
+
+
+@pytest.mark.parametrize("given_up", [True, False])
+def test_a_frame_that_was_given_up_does_not_take_the_status_away(given_up):
+    """The interpreter is not ended around a thread in a library, which would abort the process."""
+    script = f"""
+import atexit, sys, threading, time
+from pseudolidar.cli import program
+from pseudolidar.running.crew.given_up import WORKER_NAME
+atexit.register(print, "the interpreter ended")
+if {given_up}:
+    threading.Thread(target=time.sleep, args=(600,), name=WORKER_NAME + "-0", daemon=True).start()
+sys.argv = ["pseudolidar", "info", "no such place"]
+program()
+"""
+    ended = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=120
+    )
+    assert ended.returncode == 3
+    assert "no such place" in ended.stderr
+    assert ("the interpreter ended" in ended.stdout) == (not given_up)

@@ -1,1 +1,1 @@
-"""The command line: verbs, flags, choices, exit codes. `pseudolidar.cli:main` is its door."""
+"""The command line: verbs, flags, choices, exit codes. `pseudolidar.cli:program` is its door."""

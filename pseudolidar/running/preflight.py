@@ -111,6 +111,7 @@ def check_source(
     *,
     crew: CrewPlan,
     neighbours: bool = False,
+    timeout_s: float = CHECK_TIMEOUT_S,
     in_flight: InFlight | None = None,
 ) -> SourceCheck:
     """Look at some pairs of a source.
@@ -121,6 +122,7 @@ def check_source(
         crew: how frames are done: a picture that crashes or hangs a library does so here, too.
         neighbours: look at the pictures before and after each of them, too; else only where
             that could explain what a pair shows.
+        timeout_s: a pair that takes longer is not looked at; the crew's limit counts as well.
         in_flight: where the frames are noted that could take this process with them.
 
     Raises:
@@ -131,7 +133,7 @@ def check_source(
     crew = replace(
         crew,
         workers=1 if crew.isolate else min(crew.count, max(1, len(chosen))),
-        timeout_s=min(crew.timeout_s, CHECK_TIMEOUT_S),
+        timeout_s=min(crew.timeout_s, timeout_s),
     )
     own_rig, around = replaced_rig(source), pairs_of(whole(source))
     alone, beside = CheckFrame(own_rig), CheckFrame(own_rig, around)

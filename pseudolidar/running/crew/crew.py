@@ -18,6 +18,7 @@ from typing import Generic, Protocol, Self, TypeVar
 
 from pseudolidar.errors import FrameTimeout
 from pseudolidar.running.crew.attempt import AnyFrame, Done, NewResult, Skipped, attempt
+from pseudolidar.running.crew.given_up import WORKER_NAME
 from pseudolidar.running.crew.in_flight import InFlight
 from pseudolidar.sources.source import FrameSequence
 
@@ -183,7 +184,7 @@ class Crew(Generic[NewResult]):
         member = _Member(self._hire())
         number = len(self._members)
         member.thread = threading.Thread(
-            target=self._work, args=(member,), name=f"frame-worker-{number}", daemon=True
+            target=self._work, args=(member,), name=f"{WORKER_NAME}-{number}", daemon=True
         )
         self._members.append(member)
         member.thread.start()
