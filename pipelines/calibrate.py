@@ -29,7 +29,7 @@ from pseudolidar.sources.selection import FrameSelection
 from pseudolidar.sources.source import evenly_placed
 
 # Pairs that are looked at thoroughly before a set without a board is given up.
-PAIRS_TRIED = 3
+PAIRS_TRIED = 2
 
 
 @dataclass(frozen=True)

@@ -38,17 +38,30 @@ def find_charuco(grey: UInt8, board: Board) -> Corners | None:
 def find_aprilgrid(grey: UInt8, board: Board) -> Corners | None:
     """The corners of the tags of an AprilGrid, as far as they are seen."""
     for bits in BORDERS:
-        quads, ids, _ = _tag_detector(board, bits).detectMarkers(grey)
-        if ids is None:
+        tags = _tags(grey, board, bits)
+        if 4 * len(tags) < LEAST_CORNERS:
             continue
-        known = ids.ravel() < board.name.columns * board.name.rows
-        if known.sum() * 4 < LEAST_CORNERS:
-            continue
-        uv = np.stack([_flat(quad) for quad in quads])[known]
-        corners = _on_board(uv, ids.ravel()[known].astype(np.int64), board)
+        uv = np.stack(list(tags.values()))
+        corners = _on_board(uv, np.array(list(tags), np.int64), board)
         if len(corners) >= LEAST_CORNERS:
             return _refined_tags(grey, corners, _side_px(uv) * board.marker_m / board.square_m)
     return None
+
+
+def _tags(grey: UInt8, board: Board, bits: int) -> dict[int, Float64]:
+    """(4, 2) corners of the board's tags that are seen, by number.
+
+    By outlines most are found; by lines those too that are small, and touch their neighbours.
+    """
+    found: dict[int, Float64] = {}
+    for lines in (False, True):
+        quads, ids, _ = _tag_detector(board, bits, lines).detectMarkers(grey)
+        for tag, quad in zip(() if ids is None else ids.ravel().tolist(), quads, strict=True):
+            if tag < board.name.columns * board.name.rows:
+                found.setdefault(tag, _flat(quad))
+        if len(found) == board.name.columns * board.name.rows:
+            break
+    return found
 
 
 def _refined_tags(grey: UInt8, found: Corners, gap_px: float) -> Corners:
@@ -146,13 +159,13 @@ def _detector(board: Board, legacy: bool) -> Any:
 
 
 @lru_cache
-def _tag_detector(board: Board, bits: int) -> Any:
+def _tag_detector(board: Board, bits: int, lines: bool) -> Any:
     import cv2
 
     settings = cv2.aruco.DetectorParameters()
     settings.markerBorderBits = bits
-    # Looks for lines, not for outlines: tags whose corners touch other squares have none.
-    settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_APRILTAG
+    if lines:
+        settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_APRILTAG
     return cv2.aruco.ArucoDetector(dictionary_of(board), settings)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from pseudolidar.calibration.boards.board import Board
 from pseudolidar.calibration.boards.markers import april_ids, charuco_of, dictionary_of
+from pseudolidar.formats.drawing.png import shaded
 from pseudolidar.structures.arrays import Float64, UInt8
 
 # Radius of circles: this share of `square`, which is the distance of circles, or of their rows.
@@ -86,17 +87,10 @@ def _aprilgrid(board: Board) -> Shapes:
         x, y = points[names[0]].tolist()
         black += _marker(board, tag, x, y, board.square_m)
     # Small squares touch the tags' corners: where two black corners meet is known best.
-    for corner in points:
-        column, row = (corner / (board.square_m + gap)).round(6)
-        for x, y in [(corner[0] - gap, corner[1] - gap)]:
-            if column == int(column) and row == int(row):
-                black.append([float(x), float(y), gap, gap])
-    columns, rows = board.name.columns, board.name.rows
     pitch = board.square_m + gap
-    for column in range(columns + 1):
-        black.append([column * pitch - gap, rows * pitch - gap, gap, gap])
-    for row in range(rows):
-        black.append([columns * pitch - gap, row * pitch - gap, gap, gap])
+    for row in range(board.name.rows + 1):
+        for column in range(board.name.columns + 1):
+            black.append([column * pitch - gap, row * pitch - gap, gap, gap])
     low, high = points.min(axis=0) - gap, points.max(axis=0) + gap
     return Shapes(low, high, _boxes(black), np.zeros((0, 3)))
 
@@ -137,23 +131,7 @@ def _boxes(black: list[list[float]]) -> Float64:
 def raster(shapes: Shapes, pixels_per_m: float) -> UInt8:
     """The drawing as (H, W) grey pixels; edges between pixels are shaded by what they cover."""
     width, height = (int(np.ceil(side * pixels_per_m - 1e-6)) for side in shapes.size_m)
-    light = np.ones((height, width))
-    for x, y, wide, high in shapes.rectangles_m.tolist():
-        begin = (np.array([x, y]) - shapes.low_m) * pixels_per_m
-        end = begin + np.array([wide, high]) * pixels_per_m
-        across, down = _covered(begin[0], end[0], width), _covered(begin[1], end[1], height)
-        rows, columns = np.flatnonzero(down), np.flatnonzero(across)
-        part = np.ix_(rows, columns)
-        light[part] -= np.outer(down[rows], across[columns])
-    v, u = np.mgrid[0:height, 0:width] + 0.5
-    for x, y, radius in shapes.circles_m.tolist():
-        centre = (np.array([x, y]) - shapes.low_m) * pixels_per_m
-        off = np.hypot(u - centre[0], v - centre[1]) - radius * pixels_per_m
-        light -= np.clip(0.5 - off, 0.0, 1.0)
-    return np.asarray(np.clip(np.round(255 * light), 0, 255), np.uint8)
-
-
-def _covered(begin: float, end: float, count: int) -> Float64:
-    """(count,) share of each pixel between two places."""
-    edges = np.clip(np.arange(count + 1), begin, end)
-    return np.asarray(np.diff(edges))
+    boxes, circles = shapes.rectangles_m.copy(), shapes.circles_m.copy()
+    boxes[:, :2] -= shapes.low_m
+    circles[:, :2] -= shapes.low_m
+    return shaded((height, width), boxes, circles, pixels_per_m)

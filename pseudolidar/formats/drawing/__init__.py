@@ -1,0 +1,1 @@
+"""Pages of black shapes and text, to scale, as files that printers take."""
