@@ -59,7 +59,7 @@ soak: $(VENV)/installed-dev ## long tests
 # A number of inputs for each reader: make fuzz INPUTS=100000
 INPUTS ?= 10000
 fuzz: $(VENV)/installed-dev ## read damaged files of every format, in processes with bounded memory
-	for format in pcd ply npz bin labels poses rig-yaml rig-xml rig-json camera-info kalibr \
+	for format in pcd ply npz bin labels poses rig-yaml rig-xml rig-json rig-body camera-info kalibr \
 		kitti-calib projections k-txt; do \
 		$(BIN)/python -m tests.fuzzing $$format $(INPUTS) || exit 1; done
 	$(BIN)/python -m tests.fuzzing mcap 2000

@@ -250,6 +250,12 @@ class BoardNotFound(PseudolidarError):
     advice = "Check --board and --square, and that both eyes see the board."
 
 
+class OverlapInsufficient(PseudolidarError):
+    """The pairs of a body see too little in common to tell where they stand to each other."""
+
+    advice = "Take frames with walls and things that neighbouring pairs see, at several distances."
+
+
 class InputChanged(PseudolidarError):
     """A file was written to while it was read."""
 

@@ -27,6 +27,7 @@ from pseudolidar.formats.recordings.decoders import Decoder, refusal
 from pseudolidar.formats.recordings.draco_cloud import draco_cloud
 from pseudolidar.formats.recordings.message_store import Channel
 from pseudolidar.formats.recordings.recording_store import open_store
+from pseudolidar.formats.rigs.body_json import read_body, write_body
 from pseudolidar.formats.rigs.k_txt import write_k_txt
 from pseudolidar.formats.rigs.kalibr import write_camchain
 from pseudolidar.formats.rigs.kitti import encode_object_calib
@@ -40,6 +41,7 @@ from pseudolidar.formats.tum import read_associations, read_picture_list, read_t
 from pseudolidar.formats.video.file import VideoFile
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
+from tests.body_rigs import body_rig
 from tests.raw_rigs import raw_rig
 from tests.recordings import (
     ros2_messages,
@@ -290,6 +292,9 @@ READERS = {
         ),
         read_rig,
         "a.json",
+    ),
+    "rig-body": Reader(
+        lambda: written("a.json", partial(write_body, body=body_rig())), read_body, "a.json"
     ),
     "camera-info": Reader(lambda: camera_info()[:1], read_camera, "left.yaml"),
     "k-txt": _rig("K.txt", partial(write_k_txt, rig=RIG)),

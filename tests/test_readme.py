@@ -7,6 +7,7 @@ import importlib
 import json
 import re
 import shlex
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,10 +19,14 @@ import pytest
 from pseudolidar import cli
 from pseudolidar.commandline.verbs import RUN_VERB, verb_files
 from pseudolidar.formats.points.pcd import read_pcd, write_pcd
+from pseudolidar.formats.rigs.body_json import write_body
 from pseudolidar.formats.rigs.rig_fields import MINIMAL_RIG
 from pseudolidar.formats.rigs.rig_json import parse_rig, write_rig
+from pseudolidar.geometry.frames import R_BODY_OPTICAL
 from pseudolidar.running.settings_json import to_json
 from pseudolidar.sources.synthetic import Synthetic
+from pseudolidar.structures.body import BodyRig, MountedPair
+from pseudolidar.structures.pose import Pose
 from tests.recordings import named_clouds, write_own
 from tests.videos import pictures, write_video
 
@@ -83,6 +88,9 @@ def shown_folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for recording in ("drive.mcap", "out/street/street.mcap"):
         (folder / recording).parent.mkdir(parents=True, exist_ok=True)
         write_own(folder / recording, named_clouds(["a"]))
+    (folder / "drone").mkdir()
+    for pair in written_body(folder / "drone"):
+        shutil.copytree(folder / SHOWN_PAIRS, folder / "drone" / pair)
     (folder / "out/points/pcd").mkdir(parents=True)
     write_pcd(folder / "out/points/pcd/0.pcd", named_clouds(["a"])[0].cloud)
     write_rig(folder / "rig.json", rig)
@@ -90,6 +98,15 @@ def shown_folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
         write_video(folder / name, pictures(2, width_px, 96))
     (folder / OWN_JOB).write_text(blocks("python")[0])
     return folder
+
+
+def written_body(folder: Path) -> tuple[str, ...]:
+    """Names of the pairs of a rig file that is written into `folder`."""
+    rig = Synthetic("street", width_px=256, height_px=96).open().rig
+    place = Pose.from_rotation("base_link", "camera_left", R_BODY_OPTICAL, np.zeros(3))
+    pairs = [MountedPair(name, rig, place) for name in ("front", "left")]
+    write_body(folder / "rig.json", BodyRig(tuple(pairs)))
+    return tuple(pair.name for pair in pairs)
 
 
 @pytest.fixture

@@ -10,14 +10,20 @@ from typing import ClassVar
 
 import numpy as np
 
-from pseudolidar.errors import PseudolidarError, SourceEmpty, SourceUnknown
+from pseudolidar.errors import NoPairs, PseudolidarError, SourceEmpty, SourceUnknown
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.rigs.body_json import MARK, body_text, has_pairs, read_body
 from pseudolidar.geometry.frames import left_in_base_link
 from pseudolidar.geometry.rectification import aligning_rotations
 from pseudolidar.sources.names import natural_key
 from pseudolidar.sources.selection import whole
-from pseudolidar.sources.source import FrameSequence, FrameSource, SourceSummary, pairs_of
+from pseudolidar.sources.source import (
+    KIND_NAMES,
+    FrameSequence,
+    FrameSource,
+    SourceSummary,
+    pairs_of,
+)
 from pseudolidar.sources.timed_pairs import associate
 from pseudolidar.structures.body import BodyFrame, BodyRig, MountedPair
 from pseudolidar.structures.frame import StereoFrame
@@ -182,7 +188,7 @@ class BodySource:
     def _frame(
         self, name: str, index: int, pairs: Mapping[str, StereoFrame], notes: tuple[str, ...]
     ) -> BodyFrame:
-        places = {pair: seen_from(self.body[pair], frame) for pair, frame in pairs.items()}
+        places = {pair: rectified_place(self.body[pair]) for pair in pairs}
         told = tuple(f"{pair}: {note}" for pair, frame in pairs.items() for note in frame.notes)
         scanned = next((pair for pair, frame in pairs.items() if frame.scan is not None), None)
         lidar = None if scanned is None else pairs[scanned].rig.T_left_velodyne
@@ -206,9 +212,26 @@ def parts_of(source: FrameSequence[Frame]) -> Mapping[str, FrameSource]:
     return every.parts if isinstance(every, BodySource) else {}
 
 
-def seen_from(pair: MountedPair, frame: StereoFrame) -> Pose:
+def body_of(source: FrameSequence[Frame]) -> BodyRig:
+    """The rig of a source of several pairs.
+
+    Raises:
+        NoPairs: it is none.
+    """
+    every = whole(source)
+    if isinstance(every, BodySource):
+        return every.body
+    raise NoPairs(
+        f"a source of {KIND_NAMES[source.yields]}",
+        want=KIND_NAMES[BodyFrame],
+        fix="Give a folder with a rig.json of several pairs, and a folder for each.",
+        path=source.summary.path,
+    )
+
+
+def rectified_place(pair: MountedPair) -> Pose:
     """`T_base_link_left` of the rectified left camera: turned, where the pair's own is not."""
-    if pair.rig.is_rectified or not frame.rig.is_rectified:
+    if pair.rig.is_rectified:
         return pair.T_base_link_left
     R_left, _ = aligning_rotations(pair.rig.T_right_left)
     left = pair.rig.left.frame

@@ -14,10 +14,9 @@ from pseudolidar.errors import CalibrationSizeMismatch, SourceEmpty, SourceUnkno
 from pseudolidar.formats.rigs.body_json import write_body
 from pseudolidar.geometry.rectification import rectification
 from pseudolidar.running.body_clouds import body_tree
-from pseudolidar.sources.body import Body, seen_from
+from pseudolidar.sources.body import Body, rectified_place
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.structures.body import BodyRig, MountedPair
-from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.pose import Pose
 from tests.body_rigs import HEIGHT_PX, WIDTH_PX, body_rig
 from tests.raw_rigs import raw_rig
@@ -124,9 +123,7 @@ def test_a_rectified_view_of_unrectified_cameras_stands_where_they_do() -> None:
     raw = raw_rig(5)
     plan = rectification(raw)
     place = Pose.from_rotation("base_link", "camera_left", np.eye(3), np.array([1.0, 2.0, 3.0]))
-    blank = np.zeros((480, 640), np.uint8)
-    frame = StereoFrame(blank, blank, plan.rig, "0", 0, 1)
-    got = seen_from(MountedPair("a", raw, place), frame)
+    got = rectified_place(MountedPair("a", raw, place))
     point = np.array([[0.3, -0.2, 4.0]])  # in the left camera as it is
     in_rectified = (plan.R_left @ point.T).T
     np.testing.assert_allclose(got.apply(in_rectified), place.apply(point), atol=1e-12)

@@ -1,0 +1,123 @@
+"""Points that two pairs of a body see of one surface, and the equations that they make."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pseudolidar.calibration.overlap import Sight
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.pose import Pose
+
+# Normals of one surface, seen by two pairs, agree to 35 degrees.
+LEAST_COSINE = 0.8
+# Roughness of surfaces and of the model, m: no point is surer than this.
+FLOOR_M = 0.01
+# Residuals beyond so many standard deviations count for less (Cauchy).
+CAUCHY = 2.0
+
+Sights = Sequence[Mapping[str, Sight]]
+
+
+@dataclass(frozen=True, eq=False)
+class Partners:
+    """Points of one pair and the surfaces of another, both in the frame of the body.
+
+    `residual_m` is their distance along the normal, `along_first` and `along_second` what an error
+    of one standard deviation along the ray of either point does to it.
+    """
+
+    first: str
+    second: str
+    points: Float64
+    normals: Float64
+    residual_m: Float64
+    along_first: Float64
+    along_second: Float64
+
+    @property
+    def sigma_m(self) -> Float64:
+        """(N,) error of each distance: both points err along their rays, seen along the normal."""
+        return np.asarray(np.sqrt(self.along_first**2 + self.along_second**2 + FLOOR_M**2))
+
+    @property
+    def weights(self) -> Float64:
+        """(N,) of the squares of the distances, Cauchy's."""
+        scaled = self.residual_m / (CAUCHY * self.sigma_m)
+        return np.asarray(1.0 / (self.sigma_m**2 * (1.0 + scaled**2)))
+
+
+def all_partners(sights: Sights, places: Mapping[str, Pose], gate_m: float) -> list[Partners]:
+    """Partners of all frames, each two pairs both ways; those without any are left out."""
+    found = (
+        partners_of(frame, first, second, places, gate_m)
+        for frame in sights
+        for first, second in itertools.permutations(frame, 2)
+    )
+    return [partners for partners in found if len(partners.residual_m)]
+
+
+def partners_of(
+    frame: Mapping[str, Sight], first: str, second: str, places: Mapping[str, Pose], gate_m: float
+) -> Partners:
+    """Points of `first` whose nearest point of `second` is near and faces the same way."""
+    a, b = frame[first], frame[second]
+    T_body_a, T_body_b = places[first].matrix, places[second].matrix
+    T_b_a = np.linalg.inv(T_body_b) @ T_body_a
+    xyz = a.xyz @ T_b_a[:3, :3].T + T_b_a[:3, 3]
+    distance_m, at = b.tree.query(xyz, distance_upper_bound=gate_m)
+    near = np.flatnonzero(np.isfinite(distance_m))
+    normals_a = a.normals[near] @ T_b_a[:3, :3].T
+    alike = (normals_a * b.normals[at[near]]).sum(axis=1) > LEAST_COSINE
+    mine, theirs = near[alike], at[near][alike]
+    normals = b.normals[theirs]
+    residual_m = ((xyz[mine] - b.xyz[theirs]) * normals).sum(axis=1)
+    R_body_b = T_body_b[:3, :3]
+    return Partners(
+        first,
+        second,
+        xyz[mine] @ R_body_b.T + T_body_b[:3, 3],
+        normals @ R_body_b.T,
+        residual_m,
+        ((a.rays[mine] @ T_b_a[:3, :3].T) * normals).sum(axis=1) * a.sigma_m[mine],
+        (b.rays[theirs] * normals).sum(axis=1) * b.sigma_m[theirs],
+    )
+
+
+def distances_of(sights: Sights, places: Mapping[str, Pose], name: str, gate_m: float) -> Float64:
+    """(N,) absolute residuals of the points of a pair that have a partner."""
+    parts = [
+        np.abs(partners_of(frame, name, other, places, gate_m).residual_m)
+        for frame in sights
+        if name in frame
+        for other in frame
+        if other != name
+    ]
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def system(
+    partners: Sequence[Partners], free: Sequence[str]
+) -> tuple[Float64, Float64, int, float]:
+    """Normal matrix and gradient over the twists of the free pairs, count and weighted squares."""
+    n = 6 * len(free)
+    H, g, dof, chi2 = np.zeros((n, n)), np.zeros(n), 0, 0.0
+    for each in partners:
+        J = np.hstack([each.normals, np.cross(each.points, each.normals)])
+        w = each.weights
+        blocks = [
+            (free.index(name), sign)
+            for name, sign in ((each.first, 1.0), (each.second, -1.0))
+            if name in free
+        ]
+        JwJ, Jwr = (J * w[:, None]).T @ J, J.T @ (w * each.residual_m)
+        for i, sign_i in blocks:
+            g[6 * i : 6 * i + 6] += sign_i * Jwr
+            for k, sign_k in blocks:
+                H[6 * i : 6 * i + 6, 6 * k : 6 * k + 6] += sign_i * sign_k * JwJ
+        dof += len(w)
+        chi2 += float((w * each.residual_m**2).sum())
+    return H, g, dof, chi2

@@ -1,0 +1,157 @@
+"""How sure the places of pairs are that were fitted to what they see, and what is not believed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from pseudolidar.calibration.overlap import Overlap
+from pseudolidar.calibration.overlap_partners import Partners, Sights, all_partners, system
+from pseudolidar.errors import OverlapInsufficient
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.pose import Pose
+
+# A place that is so many standard deviations from the given one is not believed.
+FARTHEST = 4.0
+# Frames that the spread of the fit without one of them is taken from.
+LEAST_FRAMES = 3
+
+
+def covariance_of(H: Float64, free: Sequence[str], dof: int, chi2: float) -> Float64:
+    """(6 n, 6 n) of the twists; wide in directions that nothing holds."""
+    values, vectors = np.linalg.eigh(H)
+    # Each partner counts twice, once from each side.
+    scale = 2.0 * max(1.0, chi2 / max(dof - 6 * len(free), 1))
+    with np.errstate(divide="ignore"):
+        inverse = np.where(values > 0, 1.0 / np.maximum(values, 1e-12), 1e12)
+    return np.asarray((vectors * inverse) @ vectors.T * scale)
+
+
+def common_errors(
+    partners: Sequence[Partners], H: Float64, free: Sequence[str], dof: int, chi2: float
+) -> Float64:
+    """(6 n, 6 n) of errors that all points of a pair share, such as those of its calibration.
+
+    They are taken to be as large, in standard deviations, as what is left of the distances.
+    """
+    share = np.sqrt(chi2 / max(dof, 1))
+    inverse = np.linalg.pinv(H, rcond=1e-9, hermitian=True)
+    total = np.zeros_like(H)
+    for name in {each.first for each in partners}:
+        g = np.zeros(len(H))
+        for each in partners:
+            along = each.along_first if each.first == name else each.along_second
+            if name in (each.first, each.second):
+                J = np.hstack([each.normals, np.cross(each.points, each.normals)])
+                pull = J.T @ (each.weights * along)
+                for other, sign in ((each.first, 1.0), (each.second, -1.0)):
+                    if other in free:
+                        block = slice(6 * free.index(other), 6 * free.index(other) + 6)
+                        g[block] += sign * (pull if each.first == name else -pull)
+        step = share * (inverse @ g)
+        total += np.outer(step, step)
+    return total
+
+
+def spread_of(
+    sights: Sights, places: Mapping[str, Pose], free: Sequence[str], gate_m: float
+) -> Float64:
+    """(6 n,) standard deviations by leaving out one frame after the other; 0 with few frames.
+
+    Errors of neighbouring points belong together, which the covariance does not know.
+    """
+    if len(sights) < LEAST_FRAMES:
+        return np.zeros(6 * len(free))
+    steps = []
+    for left_out in range(len(sights)):
+        kept = [frame for number, frame in enumerate(sights) if number != left_out]
+        H, g, _, _ = system(all_partners(kept, places, gate_m), free)
+        steps.append(-np.linalg.lstsq(H, g, rcond=1e-6)[0])
+    n = len(sights)
+    off = np.array(steps) - np.mean(steps, axis=0)
+    return np.asarray(np.sqrt((n - 1) / n * (off**2).sum(axis=0)))
+
+
+# --- what is not believed ------------------------------------------------------------------------
+
+
+def check_near(name: str, moved: Float64, turned: Float64, settings: Overlap) -> None:
+    """Refuse a place so far from the given one that another surface was taken for the same.
+
+    Raises:
+        OverlapInsufficient: with what it moved by.
+    """
+    shift_m, turn_deg = float(np.linalg.norm(moved)), float(np.degrees(np.linalg.norm(turned)))
+    far = shift_m > FARTHEST * settings.given_shift_m
+    if far or turn_deg > FARTHEST * settings.given_turn_deg:
+        raise OverlapInsufficient(
+            f"{name}: the surfaces seem to lie on one another {shift_m:.2g} m and {turn_deg:.2g} "
+            "degrees from the place given: another wall was taken for the same",
+            want=f"places given to {settings.given_shift_m:g} m and "
+            f"{settings.given_turn_deg:g} degrees",
+            fix="Measure the places better, take more frames, or say how well they are known: "
+            "--overlap.given-shift-m, --overlap.given-turn-deg.",
+            where=f"pair {name}",
+        )
+
+
+def check_held(name: str, covariance: Float64, sigma: Float64, settings: Overlap) -> None:
+    """Refuse a place that what is seen does not hold.
+
+    Raises:
+        OverlapInsufficient: with the direction.
+    """
+    shift, turn_deg = float(sigma[:3].max()), float(np.degrees(sigma[3:].max()))
+    if shift <= settings.worst_shift_m and turn_deg <= settings.worst_turn_deg:
+        return
+    values, vectors = np.linalg.eigh(covariance[:3, :3])
+    loose = vectors[:, int(np.argmax(values))]
+    told = ", ".join(f"{x:.2f}" for x in loose)
+    raise OverlapInsufficient(
+        f"{name}: known to {shift:.2g} m and {turn_deg:.2g} degrees only, least of all along "
+        f"({told}) of the body",
+        want=f"{settings.worst_shift_m:g} m and {settings.worst_turn_deg:g} degrees",
+        where=f"pair {name}",
+    )
+
+
+def check_connected(
+    sights: Sights, places: Mapping[str, Pose], root: str, settings: Overlap
+) -> None:
+    """Refuse pairs that share too little with those that are tied to the root.
+
+    Raises:
+        OverlapInsufficient: with what each neighbour shares.
+    """
+    shared = _shared(sights, places, settings.gates_m[0])
+    tied, waiting = {root}, [root]
+    while waiting:
+        here = waiting.pop()
+        for name in places:
+            if (
+                name not in tied
+                and shared.get(frozenset((here, name)), 0) >= settings.least_matches
+            ):
+                tied.add(name)
+                waiting.append(name)
+    for name in places:
+        if name not in tied:
+            told = ", ".join(_told(name, other, shared) for other in places if other != name)
+            raise OverlapInsufficient(
+                f"{name} shares too little with the others: {told} points",
+                want=f"{settings.least_matches} points that another pair sees as well",
+                where=f"pair {name}",
+            )
+
+
+def _shared(sights: Sights, places: Mapping[str, Pose], gate_m: float) -> dict[frozenset[str], int]:
+    shared: dict[frozenset[str], int] = {}
+    for each in all_partners(sights, places, gate_m):
+        key = frozenset((each.first, each.second))
+        shared[key] = shared.get(key, 0) + len(each.residual_m)
+    return {key: count // 2 for key, count in shared.items()}
+
+
+def _told(name: str, other: str, shared: Mapping[frozenset[str], int]) -> str:
+    return f"{shared.get(frozenset((name, other)), 0)} with {other}"

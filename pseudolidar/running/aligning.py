@@ -1,0 +1,87 @@
+"""Frames of a body to the sights that its pairs are aligned by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from pseudolidar.calibration.overlap import Overlap, Sight
+from pseudolidar.errors import PseudolidarError
+from pseudolidar.running.matching import MatchFrame, Refining
+from pseudolidar.sources.body import parts_of
+from pseudolidar.sources.source import FrameSequence
+from pseudolidar.stereo.filters.clean import Clean
+from pseudolidar.stereo.matcher import MatcherSettings
+from pseudolidar.stereo.reproject import Reproject, Reprojector
+from pseudolidar.structures.body import BodyFrame
+from pseudolidar.structures.recorded import Frame
+
+
+@dataclass(frozen=True, eq=False)
+class FrameSights:
+    """What the pairs of a body see in one frame.
+
+    Args:
+        sights: by the name of the pair.
+        lost: why other pairs show nothing, by their names.
+    """
+
+    sights: Mapping[str, Sight]
+    lost: Mapping[str, PseudolidarError] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SeeFrame:
+    """Matches and reprojects each pair of a frame, and keeps what alignment needs: picklable.
+
+    Args:
+        match: of each pair, by its name.
+        reproject: disparity to points of the left camera.
+        overlap: which points count.
+    """
+
+    match: Mapping[str, MatchFrame]
+    reproject: Reprojector
+    overlap: Overlap
+
+    @classmethod
+    def of(
+        cls,
+        source: FrameSequence[Frame],
+        matcher: MatcherSettings,
+        overlap: Overlap,
+        *,
+        min_depth_m: float | None,
+    ) -> SeeFrame:
+        """With everything heavy loaded.
+
+        Args:
+            source: of several pairs on one body.
+            matcher: how disparities are found.
+            overlap: which points count.
+            min_depth_m: nearest depth that must be found.
+        """
+        match = {
+            name: MatchFrame.load(part, matcher, Refining(), Clean(), min_depth_m=min_depth_m)
+            for name, part in parts_of(source).items()
+        }
+        return cls(match, Reproject(max_range_m=overlap.most_m).load(), overlap)
+
+    def __call__(self, frame: Frame) -> FrameSights:
+        """The sights of a frame of a body.
+
+        Raises:
+            PseudolidarError: not one pair shows anything.
+        """
+        assert isinstance(frame, BodyFrame)  # `of` takes no other source
+        sights: dict[str, Sight] = {}
+        lost: dict[str, PseudolidarError] = {}
+        for name, pair in frame.pairs.items():
+            try:
+                cloud = self.reproject(pair, self.match[name].disparity(pair))
+                sights[name] = Sight.of(cloud, self.overlap)
+            except PseudolidarError as fault:
+                lost[name] = fault
+        if not sights:
+            raise next(iter(lost.values()))
+        return FrameSights(sights, lost)

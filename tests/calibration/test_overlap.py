@@ -1,0 +1,141 @@
+"""Places of pairs from what they see in common: recovered, with an honest sigma, or refused."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+
+from pseudolidar.calibration.overlap import Overlap, Sight
+from pseudolidar.calibration.overlap_fit import PlaceFound, places_found
+from pseudolidar.errors import OverlapInsufficient
+from pseudolidar.geometry.frames import BASE_LINK
+from pseudolidar.structures.body import BodyRig
+from pseudolidar.structures.pose import Pose
+from tests.body_rigs import MOUNTS, body_rig, exact_cloud, off_by, perturbed
+
+FRAMES = 3
+
+
+@functools.cache
+def sights() -> tuple[dict[str, Sight], ...]:
+    """What three pairs see of a rendered street, by its exact depths."""
+    return tuple(
+        {name: Sight.of(exact_cloud(frame, name), Overlap()) for name in MOUNTS}
+        for frame in range(FRAMES)
+    )
+
+
+def places(body: BodyRig) -> dict[str, Pose]:
+    return {pair.name: pair.T_base_link_left for pair in body.pairs}
+
+
+def errors(found: dict[str, PlaceFound], name: str) -> tuple[float, float]:
+    pair = body_rig()[name].placed(found[name].T_base_link_left)
+    return off_by(BodyRig((pair,)), name)
+
+
+@pytest.mark.parametrize(("turn_deg", "shift_m", "seed"), [(0, 0, 0), (2, 0.1, 1), (4, 0.3, 2)])
+def test_perturbed_places_are_recovered(turn_deg: float, shift_m: float, seed: int) -> None:
+    given = places(perturbed(body_rig(), turn_deg=turn_deg, shift_m=shift_m, seed=seed))
+    found = places_found(sights(), given, "front", Overlap(given_shift_m=1, given_turn_deg=10))
+    assert set(found) == {"left", "right"}
+    for name, place in found.items():
+        off_m, off_deg = errors(found, name)
+        assert off_m < 0.02, name
+        assert off_deg < 0.15, name
+        # What it says of itself: neither too little nor ten times too much.
+        assert off_m < 3 * np.linalg.norm(place.translation_sigma_m)
+        assert place.translation_sigma_m.max() < 0.15
+        assert place.moved_m == pytest.approx(shift_m, abs=0.02)
+        assert place.turned_deg == pytest.approx(turn_deg, abs=0.15)
+        assert place.matches > 1000
+        assert place.after_m < 0.01
+        assert place.before_m > place.after_m or not turn_deg
+
+
+def test_another_root_gives_the_same_body() -> None:
+    """Places relative to each other do not depend on which pair stays."""
+    given = places(perturbed(body_rig(), turn_deg=1, shift_m=0.05, seed=3))
+    by_front = places_found(sights(), given, "front", Overlap())
+    by_left = places_found(sights(), given, "left", Overlap())
+    one = given["front"].inverse().matrix @ by_front["right"].T_base_link_left.matrix
+    front = by_left["front"].T_base_link_left
+    other = front.inverse().matrix @ by_left["right"].T_base_link_left.matrix
+    np.testing.assert_allclose(one, other, atol=0.02)
+
+
+def test_open3d_finds_the_same() -> None:
+    """One frame of two pairs, by the point-to-plane ICP of Open3D."""
+    from pseudolidar.geometry.open3d_library import load_open3d
+
+    o3d = load_open3d()
+    pair = {name: sights()[1][name] for name in ("front", "left")}
+    given = {name: pose for name, pose in places(body_rig()).items() if name in pair}
+    loose = Overlap(worst_shift_m=9, worst_turn_deg=90)
+    ours = places_found([pair], given, "front", loose)["left"].T_base_link_left
+    clouds = {}
+    for name, sight in pair.items():
+        clouds[name] = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(sight.xyz))
+        clouds[name].normals = o3d.utility.Vector3dVector(sight.normals)
+    start = given["front"].inverse().matrix @ given["left"].matrix
+    method = o3d.pipelines.registration.TransformationEstimationPointToPlane()
+    theirs = o3d.pipelines.registration.registration_icp(
+        clouds["left"], clouds["front"], 0.25, start, method
+    )
+    T = given["front"].matrix @ theirs.transformation
+    np.testing.assert_allclose(ours.matrix, T, atol=0.03)
+
+
+# --- what is refused -----------------------------------------------------------------------------
+
+
+def plane(normal: np.ndarray, offset_m: float, seed: int = 0) -> Sight:
+    """A wall as any camera sees it: points on a plane in front of it."""
+    rng = np.random.default_rng(seed)
+    rays = np.c_[rng.uniform(-0.9, 0.9, (4000, 2)), np.ones(4000)]
+    t = offset_m / (rays @ normal)
+    xyz = (rays * t[:, None])[(t > 0) & (t < 20)]
+    return Sight(xyz, np.tile(-normal, (len(xyz), 1)), np.full(len(xyz), 0.02))
+
+
+def test_a_single_plane_holds_nothing_along_itself() -> None:
+    ground = np.array([0.0, 1.0, 0.0])
+    seen = [{"a": plane(ground, 1.5, seed), "b": plane(ground, 1.5, seed + 9)} for seed in range(3)]
+    given = {name: Pose(BASE_LINK, "camera_left", np.eye(4)) for name in ("a", "b")}
+    with pytest.raises(OverlapInsufficient, match="b: known to") as error:
+        places_found(seen, given, "a", Overlap())
+    assert error.value.where == "pair b"
+    direction = error.value.got.split("along (")[1].split(")")[0]
+    x, y, z = (abs(float(part)) for part in direction.split(","))
+    assert y < 0.2 < max(x, z)
+
+
+def test_pairs_that_share_nothing_are_refused_with_what_they_share() -> None:
+    given = places(body_rig())
+    away = given["left"].matrix.copy()
+    away[:3, 3] += [0, 100, 0]
+    given["left"] = Pose(BASE_LINK, "camera_left", away)
+    with pytest.raises(OverlapInsufficient, match="left shares too little") as error:
+        places_found(sights(), given, "front", Overlap())
+    assert "0 with front" in error.value.got
+
+
+def test_a_place_far_from_the_given_one_is_not_believed() -> None:
+    given = places(perturbed(body_rig(), turn_deg=2, shift_m=0.3, seed=5))
+    sure = Overlap(given_shift_m=0.01, given_turn_deg=0.1)
+    with pytest.raises(OverlapInsufficient, match="from the place given") as error:
+        places_found(sights(), given, "front", sure)
+    assert "--overlap.given-shift-m" in error.value.fix
+
+
+def test_a_sight_is_near_sure_and_thin() -> None:
+    cloud = exact_cloud(0, "front")
+    sight = Sight.of(cloud, Overlap(most_m=10, most_sigma_m=0.2, voxel_m=0.5))
+    assert 0 < len(sight) < len(cloud) / 20
+    assert np.linalg.norm(sight.xyz, axis=1).max() < 10
+    assert sight.sigma_m.max() < 0.2
+    np.testing.assert_allclose(np.linalg.norm(sight.normals, axis=1), 1, atol=1e-5)
+    assert ((sight.normals * sight.rays).sum(axis=1) < 0.1).all()
+    assert len(Sight.of(cloud[:0], Overlap())) == 0
