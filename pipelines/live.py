@@ -11,6 +11,7 @@ from typing import Annotated, Any
 # The package path of pipelines/ is made at run time; mypy checks the file itself.
 from pseudolidar.pipelines.convert import ConvertFrame  # type: ignore[import-untyped]
 
+from pseudolidar.calibration.boards.board import Board, BoardName, Dictionary
 from pseudolidar.clouds.beams import BeamCount, Beams
 from pseudolidar.clouds.correct import Guide
 from pseudolidar.clouds.crop import Box, Range
@@ -30,9 +31,10 @@ from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME
 from pseudolidar.running.folder import check_usable
 from pseudolidar.running.live.keys import keys
 from pseudolidar.running.live.meter import Meter
-from pseudolidar.running.live.opening import opened_cameras, opened_pairs
+from pseudolidar.running.live.new_views import NewViews
+from pseudolidar.running.live.opening import bare_eyes, opened_bare, opened_cameras, opened_pairs
 from pseudolidar.running.live.rehearsed import rehearsed
-from pseudolidar.running.live.saving import SavePair
+from pseudolidar.running.live.saving import SavePair, saved_pairs
 from pseudolidar.running.live.table import LiveTable
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.products.encoders import FrameEncoder
@@ -54,6 +56,7 @@ from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 
+Choice = OnRequest | EveryInterval | NewViews
 # A frame that takes longer is skipped; waiting for the cameras is no part of it.
 FRAME_S = 120.0
 
@@ -69,7 +72,7 @@ class Live:
         pseudolidar live 0 2 out --rig rig.json
         pseudolidar live /dev/video0 side-by-side out --rig rig.json --camera.size 2560x720
         pseudolidar live left.mp4 right.mp4 out --realtime --scale 0.5 --to pcd,mcap
-        pseudolidar live 0 2 --capture pairs --every 2
+        pseudolidar live 0 2 --capture pairs --board chessboard:9x6
 
     Args:
         left: camera of the left eye, or of both: 0, /dev/video0, a named pipe, rtsp://, http://,
@@ -80,8 +83,13 @@ class Live:
         to: what is written of each frame, a comma list: pcd, pcd:compressed, pcd:ascii, ply,
             ply:ascii, bin, npz, disparity, depth, mcap.
         capture: only save pairs into this folder, to calibrate the cameras with: PNGs in left and
-            right. Space saves one, q ends; or see --every.
+            right. Space saves one, q ends; or see --every and --board.
         every: save a pair each time so many seconds have passed.
+        board: save a pair each time both eyes see this board held still, sharp, in a new way, and
+            tell where to hold it next: `chessboard:9x6`, `charuco:8x6`, as `calibrate` takes it.
+        square: side of a square of the board, m; matters for boards with markers.
+        marker: side of a ChArUco marker, or gap between the tags of an AprilGrid, m.
+        dictionary: of the markers.
         rig: calibration of the cameras: a rig.json, OpenCV YAML, XML or JSON, ROS camera_info,
             K.txt, calib.txt; a file, a folder, or LEFT,RIGHT. By default a rig file beside a video,
             or in the folder that the command is called from.
@@ -121,6 +129,10 @@ class Live:
     to: Outputs = field(default_factory=lambda: Outputs(("mcap",)))
     capture: Annotated[Path | None, RUN_ONLY] = None
     every: Annotated[float | None, RUN_ONLY] = None
+    board: Annotated[BoardName | None, RUN_ONLY] = None
+    square: Annotated[float, RUN_ONLY] = 0.03
+    marker: Annotated[float | None, RUN_ONLY] = None
+    dictionary: Annotated[Dictionary | None, RUN_ONLY] = None
     rig: Path | None = None
     rig_unit: RigUnit | None = None
     scale_calibration: bool = False
@@ -156,8 +168,13 @@ class Live:
         for name, value in limits.items():
             if value is not None and not (value > 0 and math.isfinite(value)):
                 raise UsageError(f"{value:g}", want="a number above 0", where=f"--{name}")
-        if self.every is not None and self.capture is None:
-            raise UsageError("--every without --capture DIR", want="both", where="--every")
+        choosing = [name for name in ("every", "board") if getattr(self, name) is not None]
+        if choosing and (self.capture is None or len(choosing) > 1):
+            raise UsageError(
+                " and ".join(f"--{name}" for name in choosing)
+                + ("" if self.capture else " without --capture DIR"),
+                want="--capture DIR with one of them, or neither",
+            )
         if self.to.trees:
             names = ", ".join(self.to.trees)
             raise UsageError(
@@ -202,14 +219,21 @@ def convert_frame(job: Live, source: LivePairs[Any]) -> ConvertFrame:
 
 
 def save_pairs(job: Live) -> LiveReport:
-    """Only save pairs: those that somebody asks for, or one every so many seconds."""
+    """Only save pairs: by key, by time, or by what is to be seen of a board."""
     check_usable(job.out)
-    wanted = OnRequest() if job.every is None else EveryInterval(job.every)
+    by = chosen_by(job)
     with opened_cameras(job) as cameras:
-        source = opened_pairs(job, cameras, wanted=wanted)
+        source = opened_bare(job, cameras, by)
         tell(source)
-        save = wanted.request if isinstance(wanted, OnRequest) else None
-        return record(job, cameras, source, SavePair(), RecordingPlan(), save=save)
+        return record(job, cameras, source, SavePair(), RecordingPlan(), by=by)
+
+
+def chosen_by(job: Live) -> Choice:
+    """Which pairs are saved."""
+    if job.board is None:
+        return OnRequest() if job.every is None else EveryInterval(job.every)
+    board = Board.of(job.board, job.square, marker_m=job.marker, dictionary=job.dictionary)
+    return NewViews(board, bare_eyes(job))
 
 
 def record(
@@ -219,27 +243,33 @@ def record(
     per_frame: Callable[[Any], Product],
     recording: RecordingPlan,
     *,
-    save: Callable[[], None] | None = None,
+    by: Choice | None = None,
 ) -> LiveReport:
     """Write what workers make of the newest pairs, until the cameras end or somebody says so."""
-    meter = Meter(cameras)
-    actions = {"q": cameras.stop} | ({} if save is None else {" ": save, "\n": save})
-    words = "q ends" if save is None else "space saves a pair, q ends"
+    meter, views = Meter(cameras), by if isinstance(by, NewViews) else None
+    actions, words = {"q": cameras.stop}, "q ends"
+    if isinstance(by, OnRequest):
+        actions |= {" ": by.request, "\n": by.request}
+        words = "space saves a pair, q ends"
+
+    def told() -> dict[str, Any]:
+        board = {} if views is None else {"board": views.as_dict()}
+        return {"live": meter.figures.as_dict() | board}
+
     with (
         keys(actions) as pressed,
         Run.open(
-            job.out,
-            job,
-            source,
-            products=recording.names,
-            stop=cameras.stop,
-            tell=lambda: {"live": meter.figures.as_dict()},
+            job.out, job, source, products=recording.names, stop=cameras.stop, tell=told
         ) as run,
     ):
+        before = held_before(job, run, source)
+        if views is not None:
+            views.remember(saved_pairs(job.out, before))
         lost: CameraFault | None = None
+        says = None if views is None else lambda: views.words
         with (
-            recording.open(job.out, held_before(job, run, source)) as log,
-            LiveTable(meter, words if pressed else "") as table,
+            recording.open(job.out, before) as log,
+            LiveTable(meter, words if pressed else "", says) as table,
         ):
             cameras.begin()
             if job.seconds is not None:
@@ -257,7 +287,8 @@ def record(
     opens = [job.out / folder for folder in job.to.folders if job.capture is None]
     opens += [job.out / name for name in recording.names]
     opens = [path for path in opens if path.exists()] or [job.out]
-    return LiveReport(run.result(), meter.figures, job.out, tuple(opens))
+    text = "" if views is None else views.words
+    return LiveReport(run.result(), meter.figures, job.out, tuple(opens), text)
 
 
 def timed(frame: Done[Product], latency_s: float) -> Done[Product]:

@@ -8,10 +8,10 @@ from typing import Any, Protocol, cast, get_args
 from pseudolidar.formats.rigs.rig_file import find_rig, read_any_rig
 from pseudolidar.formats.rigs.rig_json import missing_rig
 from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit
+from pseudolidar.sources.bare_pairs import BarePair
 from pseudolidar.sources.capture.cameras import Cameras, CameraSettings, Capture
 from pseudolidar.sources.capture.eyes import (
     Bare,
-    BarePair,
     Eyes,
     Rectified,
     fitting,
@@ -45,10 +45,6 @@ class LiveSettings(Protocol):
         """How they are opened."""
 
     @property
-    def capture(self) -> Path | None:
-        """Where pairs are saved, without a calibration."""
-
-    @property
     def rig(self) -> Path | None:
         """Their calibration."""
 
@@ -79,13 +75,35 @@ def opened_cameras(job: LiveSettings) -> Capture:
     Raises:
         CameraUnavailable, UsageError: as `Cameras.open`.
     """
-    right = None if job.right in get_args(Layout) else job.right
+    right = None if _layout(job) else job.right
     return Cameras(job.left, right, job.realtime, job.camera).open()
 
 
-def opened_pairs(
-    job: LiveSettings, cameras: Capture, *, wanted: Wanted | None = None
-) -> LivePairs[Any]:
+def bare_eyes(job: LiveSettings) -> Eyes:
+    """How left and right are found in pictures that are kept as they are."""
+    return Eyes(_layout(job), job.swap)
+
+
+def opened_bare(job: LiveSettings, cameras: Capture, wanted: Wanted) -> LivePairs[Any]:
+    """The pairs of cameras that nobody has calibrated yet.
+
+    Raises:
+        CameraFault: one of them gives no picture.
+    """
+    sizes = {f"{shot.picture.width}x{shot.picture.height}" for shot in cameras.seen().shots}
+    line = f"cameras: {_names(cameras)}, {' and '.join(sorted(sizes))}"
+    return LivePairs(
+        cameras,
+        Bare(bare_eyes(job)),
+        yields=BarePair,
+        summary=SourceSummary(KIND, job.left, line),
+        rig=None,
+        most=job.frames_count,
+        wanted=wanted,
+    )
+
+
+def opened_pairs(job: LiveSettings, cameras: Capture) -> LivePairs[Any]:
     """The pairs of the cameras as a source, once they have shown a first picture.
 
     Raises:
@@ -93,12 +111,12 @@ def opened_pairs(
         CalibrationSizeMismatch: the cameras give another size.
         CameraFault: one of them gives none.
     """
-    reading = None if job.capture is not None else read_rig(job)
+    reading = read_rig(job)
     first = cameras.seen()
     picture = first.shots[0].picture
     picture_px = picture.width, picture.height
-    layout = cast("Layout | None", job.right if job.right in get_args(Layout) else None)
-    if layout is None and len(first.shots) == 1 and reading is not None:
+    layout = _layout(job)
+    if layout is None and len(first.shots) == 1:
         layout = layout_by_size(picture_px, reading.of_rectified.left.size_px)
     eye_px = _eye_px(picture_px, layout)
     eyes = Eyes(layout, job.swap, job.scale)
@@ -106,18 +124,7 @@ def opened_pairs(
     packed = "" if layout is None else f", {layout}"
     scaled = "" if size_px == eye_px else "; matched at {}x{}".format(*size_px)
     line = "{}, {}x{} each{}{}".format(_names(cameras), *eye_px, packed, scaled)
-    notes = () if reading is None else reading.notes
-    summary = SourceSummary(KIND, job.left, f"cameras: {line}", notes=notes)
-    if reading is None:
-        return LivePairs(
-            cameras,
-            Bare(Eyes(layout, job.swap)),
-            yields=BarePair,
-            summary=summary,
-            rig=None,
-            most=job.frames_count,
-            wanted=wanted,
-        )
+    summary = SourceSummary(KIND, job.left, f"cameras: {line}", notes=reading.notes)
     rig = fitting(reading.of_rectified, eye_px, scale_calibration=job.scale_calibration)
     rig = rig if size_px == eye_px else rig.scaled_to(*size_px)
     return LivePairs(
@@ -141,6 +148,10 @@ def read_rig(job: LiveSettings) -> RigReading:
     if file is None:
         raise missing_rig(folder / "rig.json")
     return read_any_rig(file, unit=job.rig_unit)
+
+
+def _layout(job: LiveSettings) -> Layout | None:
+    return cast("Layout | None", job.right if job.right in get_args(Layout) else None)
 
 
 def _eye_px(picture_px: tuple[int, int], layout: Layout | None) -> tuple[int, int]:

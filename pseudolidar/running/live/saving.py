@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
+from pseudolidar.formats.pictures.image import encode_png, read_image
+from pseudolidar.running.folder import inside
 from pseudolidar.running.journal.record import OutputFile
 from pseudolidar.running.products.product import Product
-from pseudolidar.sources.capture.eyes import BarePair
+from pseudolidar.sources.bare_pairs import BarePair
+from pseudolidar.structures.arrays import Image
 
 
 @dataclass(frozen=True)
@@ -15,11 +20,23 @@ class SavePair:
 
     def __call__(self, pair: BarePair) -> Product:
         """Both files."""
-        from pseudolidar.formats.pictures.image import encode_png
+        pictures = zip(names_of(pair.id), (pair.left, pair.right), strict=True)
+        files = tuple(OutputFile.of(name, encode_png(pixels)) for name, pixels in pictures)
+        return Product(files)
 
-        eyes = {"left": pair.left, "right": pair.right}
-        files = tuple(
-            OutputFile.of(f"{eye}/{pair.id}.png", encode_png(pixels))
-            for eye, pixels in eyes.items()
-        )
-        return Product(files, figures={"timestamp_ns": str(pair.timestamp_ns)})
+
+def names_of(pair_id: str) -> tuple[str, str]:
+    """Names of both files of a pair."""
+    return f"left/{pair_id}.png", f"right/{pair_id}.png"
+
+
+def saved_pairs(folder: Path, ids: Iterable[str]) -> Iterator[tuple[Image, Image]]:
+    """Pairs that were saved, as far as they are there.
+
+    Raises:
+        ImageUnreadable: one that is damaged.
+    """
+    for pair_id in ids:
+        left, right = (inside(folder, name) for name in names_of(pair_id))
+        if left.exists() and right.exists():
+            yield read_image(left).pixels, read_image(right).pixels

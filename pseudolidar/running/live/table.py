@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -19,14 +20,15 @@ class LiveTable:
     Args:
         meter: what it shows.
         keys: what keys do, in words.
+        says: what there is to say besides, at any moment; None for nothing.
     """
 
-    def __init__(self, meter: Meter, keys: str = "") -> None:
+    def __init__(self, meter: Meter, keys: str = "", says: Callable[[], str] | None = None) -> None:
         from rich.console import Console
         from rich.live import Live
 
         console = Console(stderr=True)
-        self._meter, self._keys = meter, keys
+        self._meter, self._keys, self._says = meter, keys, says
         self._live = (
             Live(
                 get_renderable=self._table,
@@ -64,7 +66,8 @@ class LiveTable:
         from rich.table import Table
 
         table = Table(box=box.SIMPLE, show_header=False, caption=self._keys)
-        for name, value in rows(self._meter.figures):
+        says = () if self._says is None else (("board", self._says()),)
+        for name, value in (*rows(self._meter.figures), *says):
             table.add_row(name, value.replace("[", r"\["))
         return table
 

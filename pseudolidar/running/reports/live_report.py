@@ -21,12 +21,14 @@ class LiveReport:
         live: rates, latencies, losses.
         out: output folder.
         opens: what to open.
+        views: what was seen of a board, "" where none was looked for.
     """
 
     result: RunResult
     live: LiveFigures
     out: Path
     opens: tuple[Path, ...]
+    views: str = ""
 
     @property
     def exit_code(self) -> int:
@@ -50,6 +52,7 @@ class LiveReport:
                 f"{figures['density']['mean']:.1%} of the pixels matched"
             )
         lines.append(table_text(rows(self.live)))
+        lines += [self.views] if self.views else []
         lines += result.skip_lines(NAMED_SKIPS)
         if result.ended_by:
             lines.append("stopped; all that was written is whole, the same command adds to it")

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import cast
 
-from pseudolidar.errors import CalibrationSizeMismatch, PairMismatch, UsageError
+from pseudolidar.errors import CalibrationSizeMismatch, UsageError
+from pseudolidar.sources.bare_pairs import BarePair
 from pseudolidar.sources.capture.live_pairs import Taken
 from pseudolidar.sources.capture.pair_buffer import ShotPair
 from pseudolidar.sources.video.packing import Layout, split_eyes
@@ -38,12 +39,6 @@ class Eyes:
             left, right = (picture.pixels for picture in pictures)
         else:
             left, right = split_eyes(pictures[0].pixels, self.layout)
-        if left.shape != right.shape:
-            raise PairMismatch(
-                f"left {left.shape[1]}x{left.shape[0]}, right {right.shape[1]}x{right.shape[0]}",
-                want="cameras of the same size",
-                fix="Ask both for one size with --camera.size.",
-            )
         if self.swap:
             left, right = right, left
         return self._scaled(left), self._scaled(right), notes
@@ -84,25 +79,6 @@ class Rectified:
         return StereoFrame(left, right, self.rig, taken.id, taken.index, time_ns, notes=notes)
 
 
-@dataclass(frozen=True, eq=False)
-class BarePair:
-    """A pair of cameras of which nothing else is known yet.
-
-    Args:
-        left: (H, W) grey or (H, W, 3) RGB.
-        right: like left.
-        id: name of the pair.
-        index: its number.
-        timestamp_ns: when it was taken.
-    """
-
-    left: Image
-    right: Image
-    id: str
-    index: int
-    timestamp_ns: int
-
-
 @dataclass(frozen=True)
 class Bare:
     """Makes pairs as they are, to calibrate the cameras with.
@@ -116,7 +92,7 @@ class Bare:
     def __call__(self, taken: Taken) -> BarePair:
         """The pair."""
         left, right, _ = self.eyes.pair(taken.shots)
-        return BarePair(left, right, taken.id, taken.index, taken.shots.time_ns)
+        return BarePair(left, right, taken.id, taken.index)
 
 
 def layout_by_size(picture_px: tuple[int, int], eye_px: tuple[int, int]) -> Layout:
