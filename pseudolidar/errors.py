@@ -371,6 +371,8 @@ class EyesApart(PseudolidarError):
 class CaptureEnded(PseudolidarError):
     """There are no more pairs: files are played, a limit is reached, or somebody said stop."""
 
+    advice = "Run the same command again to go on."
+
 
 class TooManyBadFrames(PseudolidarError):
     """So many frames failed that the run stopped."""

@@ -24,9 +24,11 @@ from pseudolidar.errors import (
     CalibrationMissing,
     CalibrationSizeMismatch,
     CameraUnavailable,
+    EyesApart,
     OutputSettings,
     PairIdentical,
     PairSwapped,
+    SourceEmpty,
     UsageError,
 )
 from pseudolidar.formats.mcap.log import frames_in, part_path
@@ -331,6 +333,17 @@ def test_no_calibration_and_one_of_another_size(videos: Path, tmp_path: Path) ->
     with pytest.raises(CalibrationSizeMismatch, match="256x64"):
         run(job(bare, tmp_path / "out", rig=tmp_path / "rig.json"))
     assert not (tmp_path / "out").exists()
+
+
+def test_videos_that_make_no_pair_are_told(videos: Path, tmp_path: Path) -> None:
+    write_rig(tmp_path)
+    write_eyes(tmp_path, LEFT[:5], RIGHT[:5], right_ticks=[9, 29, 49, 69, 89])
+    with pytest.raises(EyesApart, match="9 ms apart"):
+        run(job(tmp_path, tmp_path / "out"))
+    damaged(videos / "left.mkv", tmp_path / "left.mkv", range(FRAMES), 0.3)
+    with pytest.raises(SourceEmpty, match="left video"):
+        run(job(tmp_path, tmp_path / "none"))
+    assert not (tmp_path / "none").exists()
 
 
 def test_swapped_cameras_are_named_before_anything_is_written(tmp_path: Path) -> None:

@@ -15,7 +15,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pseudolidar.errors import CameraStalled, CaptureEnded, EyesApart, PseudolidarError
+from pseudolidar.errors import (
+    CameraStalled,
+    CaptureEnded,
+    EyesApart,
+    PseudolidarError,
+    SourceEmpty,
+)
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.sources.capture.counts import CaptureCounts, EyeCounts
 from pseudolidar.sources.capture.stamps import Stamp
@@ -259,13 +265,36 @@ class PairBuffer:
             raise CaptureEnded("stopped")
         ended = [eye for eye in self._eyes if eye.ended]
         if len(ended) == len(self._eyes) or any(not eye.waiting for eye in ended):
-            raise CaptureEnded("played to the end")
+            raise self._played(ended)
         for eye in self._eyes:
             if time.monotonic() - eye.seen_s > self._patience_s:
                 raise eye.fault or _stalled(eye.name, self._patience_s)
         fewest = min(eye.arrived for eye in self._eyes)
         if not self._formed and len(self._eyes) > 1 and fewest >= TRIED_WITHOUT_A_PAIR:
-            raise _apart([eye.nearest_ns for eye in self._eyes], self._tolerance_ns)
+            raise self._apart(fewest)
+
+    def _played(self, ended: Sequence[_Eye]) -> PseudolidarError:
+        """What the end of a video means."""
+        empty = [eye for eye in ended if not eye.arrived]
+        if empty:
+            return SourceEmpty(
+                f"not one whole picture in the {empty[0].name} video"
+                + (f": {empty[0].damage}" if empty[0].damage else ""),
+                want="a video",
+            )
+        if not self._formed:
+            return self._apart(min(eye.arrived for eye in self._eyes))
+        return CaptureEnded("played to the end")
+
+    def _apart(self, tried: int) -> EyesApart:
+        known = [eye.nearest_ns for eye in self._eyes if eye.nearest_ns is not None]
+        gap = f"{min(known) / 1e6:.3g} ms" if known else "far"
+        return EyesApart(
+            f"of {tried} pictures of each eye no two are of one moment: they are taken {gap} apart",
+            want=f"pictures within {self._tolerance_ns / 1e6:.3g} ms",
+            fix="Let one camera trigger the other; or, where nothing moves fast, allow more by "
+            "--camera.tolerance-s (at most half an interval).",
+        )
 
     def _put_together(self) -> None:
         """Form every pair that the waiting pictures allow."""
@@ -331,16 +360,4 @@ def _stalled(name: str, patience_s: float) -> CameraStalled:
         want="a camera that gives pictures",
         fix="Unplug the camera and plug it in again; wait longer with --camera.patience-s.",
         where=f"{name} camera" if name != "camera" else "",
-    )
-
-
-def _apart(nearest_ns: Sequence[int | None], tolerance_ns: float) -> EyesApart:
-    known = [gap_ns for gap_ns in nearest_ns if gap_ns is not None]
-    gap = f"{min(known) / 1e6:.3g} ms" if known else "far"
-    return EyesApart(
-        f"of {TRIED_WITHOUT_A_PAIR} pictures of each eye no two are of one moment: they are taken "
-        f"{gap} apart",
-        want=f"pictures within {tolerance_ns / 1e6:.3g} ms",
-        fix="Let one camera trigger the other; or, where nothing moves fast, allow more by "
-        "--camera.tolerance-s (at most half an interval).",
     )
