@@ -21,6 +21,7 @@ from pseudolidar.running.rig_output import check_rig_place, store_rig
 from pseudolidar.running.table import table_text
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.rectified import Rectify
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, FrameSource, pairs_of
 from pseudolidar.stereo.given_maps import StoredSteps
@@ -57,6 +58,7 @@ class Check:
         exclude: not these.
         rig: calibration that replaces the source's cameras.
         rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
+        rectify: how unrectified pairs are rectified, as they load.
         scale_calibration: scale the calibration where images have another size.
         swap: exchange left and right pictures.
         disparity: disparity maps that somebody else made: are they in the scale they are read in?
@@ -73,6 +75,7 @@ class Check:
     exclude: FrameSelection | None = None
     rig: Path | None = None
     rig_unit: RigUnit | None = None
+    rectify: Rectify = field(default_factory=Rectify)
     scale_calibration: bool = False
     swap: bool = False
     disparity: Path | None = None
@@ -117,6 +120,7 @@ def opened(job: Check) -> FrameSource:
         scale_calibration=job.scale_calibration,
         unit=job.rig_unit,
         swap=job.swap,
+        rectify=job.rectify,
     )
     return pairs_of(select(whole, job.frames, job.exclude))
 

@@ -75,6 +75,7 @@ from pseudolidar.running.settings_json import result_settings
 from pseudolidar.running.settings_schema import choice_name, described
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.rectified import Rectify
 from pseudolidar.sources.scans_put_right import Scans
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, clouds_of, pairs_of, tell
@@ -159,6 +160,7 @@ class Compare:
         rig: calibration that replaces the source's cameras: a rig.json, OpenCV YAML, XML or JSON,
             ROS camera_info, K.txt, calib.txt; a file, a folder, or LEFT,RIGHT.
         rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
+        rectify: how unrectified pairs are rectified, as they load.
         scale_calibration: scale the calibration where images have another size.
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
             By default what the data set says of its scenes, else 3.
@@ -197,6 +199,7 @@ class Compare:
     exclude: FrameSelection | None = None
     rig: Path | None = None
     rig_unit: RigUnit | None = None
+    rectify: Rectify = field(default_factory=Rectify)
     scale_calibration: bool = False
     min_depth: float | None = None
     swap: bool = False
@@ -446,6 +449,7 @@ def opened(job: Compare) -> FrameSequence[Frame]:
         unit=job.rig_unit,
         swap=job.swap,
         scans=job.scans,
+        rectify=job.rectify,
     )
     source = select(every, job.frames, job.exclude)
     tell(source)

@@ -55,6 +55,7 @@ from pseudolidar.running.stream import stream
 from pseudolidar.sources.body import parts_of
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.rectified import Rectify
 from pseudolidar.sources.scans_put_right import Scans, possible, put_right
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, pairs_of, tell
@@ -133,6 +134,7 @@ class Convert:
         rig: calibration that replaces the source's cameras: a rig.json, OpenCV YAML, XML or JSON,
             ROS camera_info, K.txt, calib.txt; a file, a folder, or LEFT,RIGHT.
         rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
+        rectify: how unrectified pairs are rectified, as they load.
         scale_calibration: scale the calibration where images have another size.
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
             By default what the data set says of its scenes, else 3.
@@ -185,6 +187,7 @@ class Convert:
     exclude: FrameSelection | None = None
     rig: Path | None = None
     rig_unit: RigUnit | None = None
+    rectify: Rectify = field(default_factory=Rectify)
     scale_calibration: bool = False
     min_depth: float | None = None
     frame: CloudFrame | None = None
@@ -385,6 +388,7 @@ def opened(job: Convert) -> FrameSequence[Frame]:
         scale_calibration=job.scale_calibration,
         unit=job.rig_unit,
         swap=job.swap,
+        rectify=job.rectify,
     )
     source = select(every, job.frames, job.exclude)
     tell(source)

@@ -34,6 +34,7 @@ from pseudolidar.running.settings_schema import described
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.rectified import Rectify
 from pseudolidar.sources.scans_put_right import Scans
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, clouds_of, nearest_depth_m, pairs_of
@@ -123,6 +124,7 @@ class Evaluate:
             ROS camera_info, K.txt, calib.txt; a file, a folder, or LEFT,RIGHT. A disparity
             correction in it is not used, as one is fitted here.
         rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
+        rectify: how unrectified pairs are rectified, as they load.
         scale_calibration: scale the calibration where images have another size.
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
             By default what the data set says of its scenes, else 3.
@@ -150,6 +152,7 @@ class Evaluate:
     exclude: FrameSelection | None = None
     rig: Path | None = None
     rig_unit: RigUnit | None = None
+    rectify: Rectify = field(default_factory=Rectify)
     scale_calibration: bool = False
     min_depth: float | None = None
     swap: bool = False
@@ -311,6 +314,7 @@ def opened(job: Evaluate) -> FrameSequence[Frame]:
         unit=job.rig_unit,
         swap=job.swap,
         scans=job.scans,
+        rectify=job.rectify,
     )
     return select(every, job.frames, job.exclude)
 

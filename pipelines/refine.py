@@ -10,6 +10,7 @@ from pseudolidar.calibration.check_rows import ROWS
 from pseudolidar.calibration.motion import Motion
 from pseudolidar.calibration.reference import Reference
 from pseudolidar.calibration.rows import Rows
+from pseudolidar.errors import UsageError
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.crew.crew_plan import CrewPlan
@@ -21,6 +22,7 @@ from pseudolidar.running.rig_output import check_rig_place, store_rig
 from pseudolidar.sources.aligned_rows import with_rows_aligned
 from pseudolidar.sources.other_rig import opened_as_taken
 from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.rectified import Rectify, raw_rig
 from pseudolidar.sources.scans_put_right import Scans
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSource, nearest_depth_m, pairs_of
@@ -58,6 +60,7 @@ class Refine:
             ROS camera_info, K.txt, calib.txt; a file, a folder, or LEFT,RIGHT. Corrections in it
             are replaced by those that are fitted.
         rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
+        rectify: how unrectified pairs are rectified, as they load.
         scale_calibration: scale the calibration where images have another size.
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
             By default what the data set says of its scenes, else 3.
@@ -80,6 +83,7 @@ class Refine:
     exclude: FrameSelection | None = None
     rig: Path | None = None
     rig_unit: RigUnit | None = None
+    rectify: Rectify = field(default_factory=Rectify)
     scale_calibration: bool = False
     min_depth: float | None = None
     swap: bool = False
@@ -127,7 +131,15 @@ def opened(job: Refine) -> FrameSource:
         unit=job.rig_unit,
         swap=job.swap,
         scans=job.scans,
+        rectify=job.rectify,
     )
+    if raw_rig(whole) is not None and not job.rectify.usual:
+        raise UsageError(
+            "unrectified pairs, rectified in a way of their own",
+            want="the usual way: what is fitted belongs to the pixels of these pictures",
+            fix="Leave --rectify out; or refine the pairs that `pseudolidar rectify` writes.",
+            path=whole.summary.path,
+        )
     return pairs_of(select(whole, job.frames, job.exclude))
 
 

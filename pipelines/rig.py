@@ -20,7 +20,7 @@ from pseudolidar.formats.rigs.rig_writers import (
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME
 from pseudolidar.running.reports.rig_report import RigReport
 from pseudolidar.sources.folder_layout import list_folders, list_pictures
-from pseudolidar.stereo.networks.sizes import ImageSize
+from pseudolidar.structures.image_size import ImageSize
 
 # Holds any principal point; such a size is never told, nor written.
 ANY_SIZE_PX = (100_000, 100_000)

@@ -42,12 +42,15 @@ class Rectification:
         rig: the rectified pair. Its left camera stands where the left one does, and is turned.
         R_left: (3, 3) turns directions in the left camera's frame into the rectified one's.
         R_right: (3, 3) of the right one.
+        shown_rows: first row and the one after the last whose points count, where neighbouring
+            views show the others as well; None for all.
     """
 
     raw: StereoRig
     rig: StereoRig
     R_left: Float64
     R_right: Float64
+    shown_rows: tuple[int, int] | None = None
 
     @property
     def T_rectified_left(self) -> Pose:

@@ -13,6 +13,7 @@ from pseudolidar.running.products.compared_outputs import TOGETHER
 from pseudolidar.running.products.outputs import KINDS, MAPS, folder_of
 from pseudolidar.sources.body import Body, pair_folders
 from pseudolidar.sources.cloud_files import CloudFiles, cloud_files_of
+from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.recognise import Source
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.sources.synthetic import Synthetic
@@ -56,6 +57,19 @@ def check_apart(
         removable = len(parts) > 1 or inner.is_dir() or inner.suffix == RECORDING
         if parts[0] in names or (overwrite and removable):
             raise _holds_what_is_read(folder, path)
+
+
+def check_elsewhere(folder: Path, source: Source) -> None:
+    """Refuse an output folder that is the source's own, where outputs have the names of inputs.
+
+    Raises:
+        UsageError: it is the folder of the source, or that in which the source and its rig lie.
+    """
+    if isinstance(source, Synthetic):
+        return
+    place = Path(source.path).resolve()
+    if folder.resolve() == place or (place.is_file() and folder.resolve() == place.parent):
+        raise _holds_what_is_read(folder, place)
 
 
 def _holds_what_is_read(folder: Path, path: Path) -> UsageError:
@@ -105,5 +119,5 @@ def paths_read(source: Source, *others: Path | None) -> Iterator[Path]:
         case Body():
             yield source.rig_file
             yield from (place / name for name in pair_folders(source))
-        case Video(right=str(right)):
+        case Video(right=str(right)) | Folders(right=str(right)):
             yield Path(right)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from pseudolidar.geometry.rectified_pixels import unmasked
 from pseudolidar.running.frame_checks import MIN_DENSITY, check_pair, check_texture
 from pseudolidar.sources.selection import whole
 from pseudolidar.sources.source import FrameSequence, nearest_depth_m, pairs_of
@@ -105,9 +106,10 @@ class MatchFrame:
             PairIdentical, LowTexture: there is nothing to be seen.
         """
         check_pair(frame)
-        matched = self.matcher(frame)
+        matched = unmasked(self.matcher(frame), frame.mask)
         check_texture(frame, matched, least=self.least_density)
         refined, counts = self.refine(frame, matched)
+        refined = unmasked(refined, frame.mask)  # filling and fusing know nothing of the mask
         cleaned = self.clean(frame, refined)
         return replace(cleaned, counts={**counts, **cleaned.counts})
 

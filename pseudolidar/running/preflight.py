@@ -17,13 +17,14 @@ from pseudolidar.calibration.check_eyes import EYES
 from pseudolidar.calibration.check_finding import SUREST, Finding
 from pseudolidar.calibration.check_rotation import rotation_found
 from pseudolidar.calibration.drift import EyeRotation
-from pseudolidar.errors import CalibrationSizeMismatch, PseudolidarError, printable
+from pseudolidar.errors import CalibrationSizeMismatch, NotRectified, PseudolidarError, printable
 from pseudolidar.running.crew.attempt import Done, Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.crew.in_flight import InFlight
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.body import parts_of
 from pseudolidar.sources.other_rig import replaced_rig
+from pseudolidar.sources.rectified import exchanged, in_one_view, raw_rig
 from pseudolidar.sources.selection import whole
 from pseudolidar.sources.source import FrameSequence, evenly_placed, pairs_of
 from pseudolidar.sources.swapped import EXCHANGED
@@ -113,6 +114,7 @@ def check_source(
     neighbours: bool = False,
     timeout_s: float = CHECK_TIMEOUT_S,
     in_flight: InFlight | None = None,
+    exchanging: bool = True,
 ) -> SourceCheck:
     """Look at some pairs of a source.
 
@@ -124,6 +126,7 @@ def check_source(
             that could explain what a pair shows.
         timeout_s: a pair that takes longer is not looked at; the crew's limit counts as well.
         in_flight: where the frames are noted that could take this process with them.
+        exchanging: where rows of unrectified pairs are off, look at them exchanged, too.
 
     Raises:
         NoPairs: the source has none.
@@ -158,8 +161,32 @@ def check_source(
     rotation = seen_rotation(found)
     turned = (rotation_found(rotation, pairs.rig),) if found else ()
     findings = (*_sizes(pairs.rig, found, failed), *_dates(source), *combined(found), *turned)
-    summary = source.summary
-    return SourceCheck(findings, tuple(found), tuple(failed), summary.line, summary.path, rotation)
+    line, path = source.summary.line, source.summary.path
+    check = SourceCheck(findings, tuple(found), tuple(failed), line, path, rotation)
+    if exchanging and isinstance(check.error, NotRectified) and raw_rig(source) is not None:
+        return _unless_exchanged(check, source, crew)
+    return check
+
+
+def _unless_exchanged(
+    check: SourceCheck, source: FrameSequence[Frame], crew: CrewPlan
+) -> SourceCheck:
+    """What was found, or that the eyes are exchanged, which rectification turns into odd rows."""
+    names = {pair.id for pair in check.pairs}
+    indices = [index for index, name in enumerate(source.ids) if name in names]
+    other = check_source(exchanged(source), indices, crew=crew, exchanging=False)
+    if other.error is not None:
+        return check
+    told = EXCHANGED in source.summary.notes
+    finding = Finding(
+        EYES,
+        "stop",
+        "rows meet only if the pictures are exchanged before they are rectified",
+        SUREST,
+        "Leave --swap out." if told else "Pass --swap.",
+    )
+    kept = tuple(found for found in check.findings if found.name in (SIZE, DATE))
+    return replace(check, findings=(*kept, finding), rotation=None)
 
 
 def preflight(
@@ -184,6 +211,7 @@ def preflight(
     Raises:
         PairSwapped, NotRectified, CalibrationSizeMismatch: the pairs would make no metres.
     """
+    source = in_one_view(source)
     if wanted and source.yields is BodyFrame:
         return tuple(
             f"{name}: {warning}"

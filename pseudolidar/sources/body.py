@@ -16,6 +16,7 @@ from pseudolidar.formats.rigs.body_json import MARK, body_text, has_pairs, read_
 from pseudolidar.geometry.frames import left_in_base_link
 from pseudolidar.geometry.rectification import aligning_rotations
 from pseudolidar.sources.names import natural_key
+from pseudolidar.sources.rectified import RectifiedSource, Rectify
 from pseudolidar.sources.selection import whole
 from pseudolidar.sources.source import (
     KIND_NAMES,
@@ -67,7 +68,14 @@ class Body:
         return Path(self.path) / RIG_FILE if self.rig is None else Path(self.rig)
 
     def open(self) -> BodySource:
+        """As `opened`, unrectified pairs rectified as usual."""
+        return self.opened(Rectify())
+
+    def opened(self, rectify: Rectify) -> BodySource:
         """Open the source of each pair, and find which frames are of one moment.
+
+        Args:
+            rectify: how unrectified pairs are rectified.
 
         Raises:
             CalibrationMissing, CalibrationSyntax, CalibrationField, CalibrationValue: of the file.
@@ -75,11 +83,11 @@ class Body:
             SourceEmpty: no frames of one moment.
         """
         body = read_body(self.rig_file, limits=self.limits)
-        sources = tuple(self._pair_source(pair) for pair in body.pairs)
+        sources = tuple(self._pair_source(pair, rectify) for pair in body.pairs)
         moments = _moments(self, sources)
         return BodySource(self.path, body, sources, tuple(moments.items()))
 
-    def _pair_source(self, pair: MountedPair) -> FrameSource:
+    def _pair_source(self, pair: MountedPair, rectify: Rectify) -> FrameSource:
         # A folder of a pair is any source, and this is one of them.
         from pseudolidar.sources.other_rig import opened_with_rig
         from pseudolidar.sources.recognise import recognise
@@ -92,7 +100,7 @@ class Body:
                 path=folder,
             )
         rig = Path(f"{self.rig_file}{MARK}{pair.name}")
-        return pairs_of(opened_with_rig(recognise(str(folder)), rig))
+        return pairs_of(opened_with_rig(recognise(str(folder)), rig, rectify=rectify))
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,8 +215,10 @@ class BodySource:
 
 
 def parts_of(source: FrameSequence[Frame]) -> Mapping[str, FrameSource]:
-    """The sources of the pairs of a body, by their names; none of any other source."""
+    """The sources of the pairs of a body, or of the views of a pair; none of any other source."""
     every = whole(source)
+    if isinstance(every, RectifiedSource):
+        return {name: pairs_of(view) for name, view in every.parts.items()}
     return every.parts if isinstance(every, BodySource) else {}
 
 

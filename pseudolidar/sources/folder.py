@@ -9,9 +9,10 @@ from pathlib import Path
 from pseudolidar.errors import PseudolidarError, SourceEmpty, SourceUnknown, UsageError
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.pictures.image import read_size
+from pseudolidar.formats.pictures.pair_mask import read_pair_mask
 from pseudolidar.formats.rigs.rig_file import find_rig, read_any_rig
 from pseudolidar.formats.rigs.rig_json import missing_rig, rig_notes
-from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit
+from pseudolidar.formats.rigs.rig_reading import Pictures, RigReading, RigUnit
 from pseudolidar.formats.time_table import read_time_table
 from pseudolidar.sources.folder_frames import FolderSource
 from pseudolidar.sources.folder_layout import (
@@ -59,6 +60,7 @@ class Folders:
         tolerance_s: names that are times are paired up to this difference.
         scale_calibration: scale the rig where pictures have another size.
         rig_unit: unit of lengths in calibrations that do not say it.
+        pictures: raw or rectified, where a calibration knows both.
         limits: caps on the files.
     """
 
@@ -72,6 +74,7 @@ class Folders:
     tolerance_s: float = 0.01
     scale_calibration: bool = False
     rig_unit: RigUnit | None = None
+    pictures: Pictures = "auto"
     limits: Limits = DEFAULT_LIMITS
 
     def open(self) -> FolderSource:
@@ -81,7 +84,7 @@ class Folders:
             SourceUnknown: no folder, or no pairs in it.
             SourceEmpty: pictures, and not one pair.
             CalibrationMissing: no rig file.
-            NotRectified: the rig is that of unrectified cameras.
+            NotRectified: the rig is that of unrectified cameras, and pictures are said not to be.
             CalibrationSizeMismatch: all pictures have another size than the rig.
             SequenceTime: the file of times does not fit.
         """
@@ -89,7 +92,7 @@ class Folders:
         pairing, times = _times(self, layout)
         layout = replace(layout, pairing=pairing)
         readings = _read_rigs(self, layout)
-        rigs = tuple(reading.of_rectified for reading in readings)
+        rigs = tuple(reading.of_pictures for reading in readings)
         source = FolderSource(
             summary=_summary(self, layout, readings, times),
             ids=tuple(safe_id(pair.key) for pair in pairing.pairs),
@@ -100,6 +103,7 @@ class Folders:
             rigs=rigs,
             scale_calibration=self.scale_calibration,
             limits=self.limits,
+            mask=read_pair_mask(layout.left.parent, limits=self.limits),
         )
         if not self.scale_calibration:
             source.check_sizes()
@@ -169,7 +173,8 @@ def _reading(file: Path | None, settings: Folders, pictures: Sequence[Path]) -> 
     if file is None:
         raise missing_rig(Path(settings.path) / RIG_FILE)
     size_px = _first_size(pictures, settings.limits)
-    return read_any_rig(file, size_px=size_px, unit=settings.rig_unit, limits=settings.limits)
+    reading = read_any_rig(file, size_px=size_px, unit=settings.rig_unit, limits=settings.limits)
+    return reading.taken_for(settings.pictures)
 
 
 def _first_size(pictures: Sequence[Path], limits: Limits) -> tuple[int, int] | None:
@@ -217,7 +222,7 @@ def _summary(
 ) -> SourceSummary:
     pairing = layout.pairing
     warnings: Mapping[str, None] = dict.fromkeys(
-        note for reading in readings for note in (*reading.notes, *rig_notes(reading.of_rectified))
+        note for reading in readings for note in (*reading.notes, *rig_notes(reading.of_pictures))
     )
     nearest_m = [reading.min_depth_m for reading in readings if reading.min_depth_m is not None]
     alone = len(pairing.unpaired)

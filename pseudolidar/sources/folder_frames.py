@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
-from typing import ClassVar
 
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.pictures.image import read_image, read_size
 from pseudolidar.sources.source import SourceSummary
 from pseudolidar.structures.camera import StereoRig
-from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.frame import PairMask, RawPair, StereoFrame
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +28,7 @@ class FolderSource:
         rigs: one for all frames, or one for each.
         scale_calibration: scale the rig to the pictures.
         limits: caps on the pictures.
+        mask: which of their pixels show something, where pictures were rectified before.
     """
 
     summary: SourceSummary
@@ -39,14 +40,19 @@ class FolderSource:
     rigs: tuple[StereoRig, ...] = field(repr=False)
     scale_calibration: bool = False
     limits: Limits = DEFAULT_LIMITS
-    yields: ClassVar = StereoFrame
+    mask: PairMask | None = field(default=None, repr=False)
+
+    @property
+    def yields(self) -> type[StereoFrame] | type[RawPair]:
+        """Unrectified pairs, if only one of the rigs is unrectified."""
+        return StereoFrame if all(rig.is_rectified for rig in self.rigs) else RawPair
 
     @property
     def rig(self) -> StereoRig:
         """Rig of the first frame."""
         return self.rigs[0]
 
-    def load(self, index: int) -> StereoFrame:
+    def load(self, index: int) -> StereoFrame | RawPair:
         """Read and decode a pair.
 
         Raises:
@@ -59,17 +65,13 @@ class FolderSource:
         height, width = left.pixels.shape[:2]
         rig = self._rig_of(index)
         if self.scale_calibration and rig.left.size_px != (width, height):
-            rig = rig.scaled_to(width, height)
+            rig = _scaled(rig, width, height)
+        pair = left.pixels, right.pixels, rig, self.ids[index], index, self.timestamps_ns[index]
+        notes = tuple(dict.fromkeys(left.notes + right.notes))
         try:
-            return StereoFrame(
-                left.pixels,
-                right.pixels,
-                rig,
-                self.ids[index],
-                index,
-                self.timestamps_ns[index],
-                notes=tuple(dict.fromkeys(left.notes + right.notes)),
-            )
+            if rig.is_rectified:
+                return StereoFrame(*pair, notes=notes, mask=self.mask)
+            return RawPair(*pair, notes=notes)
         except PseudolidarError as error:
             raise error.located(self.lefts[index]) from None
 
@@ -92,3 +94,8 @@ class FolderSource:
 
     def _rig_of(self, index: int) -> StereoRig:
         return self.rigs[index if len(self.rigs) > 1 else 0]
+
+
+@lru_cache(4)  # by identity: what is planned for a rig is looked up by the rig
+def _scaled(rig: StereoRig, width_px: int, height_px: int) -> StereoRig:
+    return rig.scaled_to(width_px, height_px)

@@ -20,6 +20,7 @@ from pseudolidar.sources.body import Body, with_rig_file
 from pseudolidar.sources.changed import ChangedSource
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.recording.recording import Recording
+from pseudolidar.sources.rectified import Rectify, with_pairs_rectified
 from pseudolidar.sources.scans_put_right import Scans, with_scans_put_right
 from pseudolidar.sources.selection import SelectedSource
 from pseudolidar.sources.source import (
@@ -33,10 +34,11 @@ from pseudolidar.sources.swapped import swapped
 from pseudolidar.sources.tum_depth import TumDepth
 from pseudolidar.sources.video.videos import Video
 from pseudolidar.structures.camera import StereoRig
-from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.frame import RawPair, StereoFrame
 from pseudolidar.structures.pose import Pose
-from pseudolidar.structures.recorded import Frame
+from pseudolidar.structures.recorded import Frame, HeldFrame
 
+AS_USUAL = Rectify()
 _DATE = re.compile(r"(?<![0-9])([0-9]{4})[-_./]([0-9]{2})[-_./]([0-9]{2})(?![0-9])")
 
 
@@ -48,10 +50,12 @@ def opened_with_rig(
     unit: RigUnit | None = None,
     swap: bool = False,
     scans: Scans | None = None,
+    rectify: Rectify = AS_USUAL,
 ) -> FrameSequence[Frame]:
     """Open a source; where a calibration is given, with that in place of its own.
 
-    The one place where a row correction of a rig is applied: pictures are resampled as they load.
+    The one place where unrectified pairs are rectified and a row correction of a rig is applied:
+    pictures are resampled as they load.
 
     Args:
         settings: the source; folders of pictures and videos need no rig of their own then.
@@ -60,12 +64,19 @@ def opened_with_rig(
         unit: of its lengths, for files that do not say it.
         swap: exchange left and right pictures.
         scans: how LiDAR scans are put right; None to leave them as they are stored.
+        rectify: how unrectified pairs are rectified.
 
     Raises:
         PseudolidarError: what opening the source, reading the file, or `with_rig` raises.
     """
     source = opened_as_taken(
-        settings, rig, scale_calibration=scale_calibration, unit=unit, swap=swap, scans=scans
+        settings,
+        rig,
+        scale_calibration=scale_calibration,
+        unit=unit,
+        swap=swap,
+        scans=scans,
+        rectify=rectify,
     )
     return with_rows_aligned(source)
 
@@ -78,34 +89,40 @@ def opened_as_taken(
     unit: RigUnit | None = None,
     swap: bool = False,
     scans: Scans | None = None,
+    rectify: Rectify = AS_USUAL,
 ) -> FrameSequence[Frame]:
-    """As `opened_with_rig`, with the pictures as they are: for what fits a new row correction."""
-    opened = _opened(settings, rig, scale_calibration=scale_calibration, unit=unit)
-    source = with_scans_put_right(opened, scans)
+    """As `opened_with_rig`, with rows as they are: for what fits a new row correction."""
+    opened = _opened(settings, rig, scale_calibration=scale_calibration, unit=unit, rectify=rectify)
+    if opened.yields is RawPair:
+        taken = swapped(opened) if swap else opened
+        return with_scans_put_right(with_pairs_rectified(taken, rectify), scans)
+    source = with_scans_put_right(with_pairs_rectified(opened, rectify), scans)
     return swapped(pairs_of(source)) if swap else source
 
 
 def _opened(
-    settings: SourceSettings, rig: Path | None, *, scale_calibration: bool, unit: RigUnit | None
-) -> FrameSequence[Frame]:
-    if isinstance(settings, Folders | Video):
-        own = settings if unit is None else replace(settings, rig_unit=unit)
-        if rig is not None:
-            own = replace(own, rig=str(rig))
-        if scale_calibration:
-            own = replace(own, scale_calibration=True)
-        return own.open()
+    settings: SourceSettings,
+    rig: Path | None,
+    *,
+    scale_calibration: bool,
+    unit: RigUnit | None,
+    rectify: Rectify,
+) -> FrameSequence[HeldFrame]:
+    if isinstance(settings, Folders | Video | Recording):
+        own = settings if rig is None else replace(settings, rig=str(rig))
+        own = own if unit is None else replace(own, rig_unit=unit)
+        own = replace(own, scale_calibration=True) if scale_calibration else own
+        told = rectify.pictures != "auto"
+        return (replace(own, pictures=rectify.pictures) if told else own).open()
+    if isinstance(settings, Body):
+        return (settings if rig is None else with_rig_file(settings, rig)).opened(rectify)
     if rig is None:
         return settings.open()
-    if isinstance(settings, Body):
-        return with_rig_file(settings, rig).open()
-    if isinstance(settings, Recording):
-        own_rig = replace(settings, rig=str(rig), scale_calibration=scale_calibration)
-        return replace(own_rig, rig_unit=unit or own_rig.rig_unit).open()
     if isinstance(settings, TumDepth):
         return replace(settings, rig=str(rig)).open()
     source = pairs_of(settings.open())
     reading = read_any_rig(rig, size_px=source.rig.left.size_px, unit=unit)
+    reading = reading.taken_for("rectified")
     given = with_rig(source, reading.of_rectified, scale_calibration=scale_calibration)
     return replace(given, notes=tuple(dict.fromkeys((*given.notes, *reading.notes))))
 

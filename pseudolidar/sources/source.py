@@ -12,18 +12,23 @@ from pseudolidar.formats.recordings.message_store import LOST
 from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.disparity import DEFAULT_MIN_DEPTH_M
-from pseudolidar.structures.frame import StereoFrame
-from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
+from pseudolidar.structures.frame import RawPair, StereoFrame
+from pseudolidar.structures.recorded import DepthFrame, HeldFrame, RecordedCloud
 
 _log = logging.getLogger(__name__)
 
-AnyFrame = TypeVar("AnyFrame", bound=Frame, covariant=True)
+AnyFrame = TypeVar("AnyFrame", bound=HeldFrame, covariant=True)
 
-KIND_NAMES: dict[type[Frame], str] = {
+KIND_NAMES: dict[type[HeldFrame], str] = {
     StereoFrame: "pairs of pictures",
+    RawPair: "unrectified pairs of pictures",
     DepthFrame: "pictures with depth",
     RecordedCloud: "point clouds",
     BodyFrame: "pairs of several rigs on one body",
+}
+NO_PAIRS_FIXES: dict[type[HeldFrame], str] = {
+    RawPair: "Rectify them first: `pseudolidar rectify SOURCE OUT --rig rig.json`.",
+    BodyFrame: "This needs the pictures of one pair: its folder; or leave --rectify.views out.",
 }
 
 
@@ -99,11 +104,11 @@ class FrameSource(FrameSequence[StereoFrame], Protocol):
 class SourceSettings(Protocol):
     """Settings of a source; a frozen, picklable dataclass that imports nothing heavy."""
 
-    def open(self) -> FrameSequence[Frame]:
+    def open(self) -> FrameSequence[HeldFrame]:
         """List the frames and read the calibration."""
 
 
-def nearest_depth_m(wanted_m: float | None, source: FrameSequence[Frame]) -> float:
+def nearest_depth_m(wanted_m: float | None, source: FrameSequence[HeldFrame]) -> float:
     """Nearest depth that must be found, m: what is wanted, else what the source says, else 3."""
     if wanted_m is not None:
         return wanted_m
@@ -111,7 +116,7 @@ def nearest_depth_m(wanted_m: float | None, source: FrameSequence[Frame]) -> flo
     return DEFAULT_MIN_DEPTH_M if stated_m is None else stated_m
 
 
-def tell(source: FrameSequence[Frame]) -> None:
+def tell(source: FrameSequence[HeldFrame]) -> None:
     """Log what a source is, what was assumed, and what its layout could have and it has not."""
     for line in (source.summary.line, *source.summary.notes):
         _log.info(line)
@@ -124,7 +129,7 @@ def first_middle_last(source: FrameSource) -> Iterator[StereoFrame]:
     yield from evenly_loaded(source, most=3)
 
 
-def pairs_of(source: FrameSequence[Frame]) -> FrameSource:
+def pairs_of(source: FrameSequence[HeldFrame]) -> FrameSource:
     """The source, if its frames are rectified pairs.
 
     Raises:
@@ -134,13 +139,13 @@ def pairs_of(source: FrameSequence[Frame]) -> FrameSource:
         raise NoPairs(
             f"a source of {KIND_NAMES[source.yields]}",
             want=KIND_NAMES[StereoFrame],
-            fix="This needs pictures of two eyes.",
+            fix=NO_PAIRS_FIXES.get(source.yields, "This needs pictures of two eyes."),
             path=source.summary.path,
         )
     return cast("FrameSource", source)
 
 
-def clouds_of(source: FrameSequence[Frame]) -> FrameSequence[RecordedCloud]:
+def clouds_of(source: FrameSequence[HeldFrame]) -> FrameSequence[RecordedCloud]:
     """The source, if its frames are ready-made clouds.
 
     Raises:

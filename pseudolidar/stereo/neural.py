@@ -17,10 +17,11 @@ from pseudolidar.stereo.disparity_range import check_min_depth, disparity_range
 from pseudolidar.stereo.networks.layout import NetworkLayout, layout_beside
 from pseudolidar.stereo.networks.names import expected_layout, family_of
 from pseudolidar.stereo.networks.session import NetworkSession, Provider
-from pseudolidar.stereo.networks.sizes import ImageSize, padded, resized, tiled
+from pseudolidar.stereo.networks.sizes import padded, resized, tiled
 from pseudolidar.structures.arrays import Float32, Image, UInt8
 from pseudolidar.structures.disparity import DEFAULT_MIN_DEPTH_M, DisparityMap
 from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.image_size import ImageSize
 
 if TYPE_CHECKING:
     from pseudolidar.stereo.networks.trial import TrialResult

@@ -13,7 +13,7 @@ from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.camera import Camera
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DepthMap
-from pseudolidar.structures.frame import LidarScan, StereoFrame
+from pseudolidar.structures.frame import LidarScan, RawPair, StereoFrame
 from pseudolidar.structures.pose import Pose
 
 
@@ -87,3 +87,5 @@ class RecordedCloud:
 
 
 Frame: TypeAlias = StereoFrame | DepthFrame | RecordedCloud | BodyFrame
+# What sources hold; unrectified pairs become frames as they are loaded.
+HeldFrame: TypeAlias = Frame | RawPair

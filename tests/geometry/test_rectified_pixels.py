@@ -43,7 +43,7 @@ def test_pictures_are_what_opencv_makes_of_them(dtype: type, channels: tuple[int
         cv2.CV_32FC1,
     )  # fmt: skip
     want = cv2.remap(image, u, v, cv2.INTER_LINEAR).astype(float)
-    left, _ = PairMaps.of(planned).apply(image, image, between="linear")
+    left, _ = PairMaps.of(planned).apply(image, image)
     assert left.dtype == dtype
     # Fixed-point places: up to 1/64 px off, in pictures whose slope is some grey levels a pixel.
     assert np.abs(left - want)[2:-2, 2:-2].max() <= np.iinfo(dtype).max * 3 / 255
@@ -54,7 +54,7 @@ def test_what_no_camera_saw_is_black_and_masked():
     planned = rectification(rig, alpha=1.0)
     maps = PairMaps.of(planned)
     white = np.full((480, 640), 255, np.uint8)
-    left, right = maps.apply(white, white, between="linear")
+    left, right = maps.apply(white, white)
     for picture, mask in ((left, maps.mask.left), (right, maps.mask.right)):
         assert (picture == 0).mean() > 0.05
         assert (picture[mask] == 255).all()

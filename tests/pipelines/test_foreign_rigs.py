@@ -133,7 +133,10 @@ def test_exchanged_unrectified_malformed_and_hostile_files_are_named(
     for name, value in values.items():
         storage.write(name, value)
     storage.release()
-    assert code(raw)[0] == "NotRectified"
+    refused = refusal(
+        capsys, drive, tmp_path / "out", "--rig", str(raw), "--rectify.pictures", "rectified"
+    )
+    assert refused["code"] == "NotRectified"
     hostile = {
         "tag.yml": ("M1: !!python/object/apply:os.system ['id']\n", "a tag"),
         "bomb.yml": ("a: &a [1]\nb: [*a, *a]\n", "an anchor"),

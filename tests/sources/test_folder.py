@@ -30,6 +30,7 @@ from pseudolidar.formats.rigs.rig_json import read_rig, write_rig
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.folder_frames import FolderSource
 from pseudolidar.sources.names import LONGEST_ID_BYTES, natural_key, safe_id
+from pseudolidar.structures.frame import RawPair
 
 WIDTH, HEIGHT = 64, 48
 RIG = {
@@ -479,9 +480,12 @@ def test_unrectified_rig(tmp_path: Path) -> None:
     three_frames(tmp_path)
     left = RIG["left"] | {"distortion": [0.1, 0, 0, 0]}
     (tmp_path / "rig.json").write_text(json.dumps(RIG | {"left": left}))
+    source = Folders(str(tmp_path)).open()
+    assert source.yields is RawPair
+    assert isinstance(source.load(0), RawPair)
     with pytest.raises(NotRectified) as caught:
-        Folders(str(tmp_path)).open()
-    assert "Rectify" in caught.value.fix
+        Folders(str(tmp_path), pictures="rectified").open()
+    assert "--rectify.pictures" in caught.value.fix
 
 
 def test_pickle_and_rounded_rotation_note(tmp_path: Path) -> None:

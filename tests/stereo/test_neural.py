@@ -16,8 +16,9 @@ from pseudolidar.errors import MissingDependency, ModelError, ModelOutput, Stere
 from pseudolidar.stereo.networks.evidence import with_evidence
 from pseudolidar.stereo.networks.layout import NetworkLayout
 from pseudolidar.stereo.networks.scene import probe_scene
-from pseudolidar.stereo.networks.sizes import ImageSize, tiled
+from pseudolidar.stereo.networks.sizes import tiled
 from pseudolidar.stereo.neural import Onnx
+from pseudolidar.structures.image_size import ImageSize
 from tests.stereo import graphs
 from tests.stereo.pairs import frame
 

@@ -70,15 +70,26 @@ def read_opencv_rig(
     if raw is not None and raw.is_rectified:
         # Nothing was rectified: T has the digits that P has lost by its product.
         rectified = raw
-    elif rectified is not None:
-        notes.append(f"{path.name}: the pictures are taken for rectified: P of both cameras is used"
-                     + (", not K and distortion" if raw is not None else ""))  # fmt: skip
     if rectified is None and raw is None:
         raise fields.lacks("pose of the cameras to each other", "R and T, or P1 and P2")
     turns = None if raw is None or rectified in (None, raw) else _turns(fields)
     return RigReading(
-        path, form, rectified, raw, tuple(notes), turns=turns, projections=_projections(fields)
+        path,
+        form,
+        rectified,
+        raw,
+        tuple(notes),
+        turns=turns,
+        projections=_projections(fields),
+        rectified_note="" if rectified in (None, raw) else _rectified_note(path, raw),
     )
+
+
+def _rectified_note(path: Path, raw: StereoRig | None) -> str:
+    note = f"{path.name}: the pictures are taken for rectified: P of both cameras is used"
+    if raw is None:
+        return note
+    return f"{note}, not K and distortion (--rectify.pictures raw if they are not)"
 
 
 def _parts(files: Mapping[str, Path], limits: Limits) -> list[tuple[Eye, Node]]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from pseudolidar.errors import (
+    CalibrationField,
     CalibrationUnits,
     CalibrationValue,
     NotRectified,
@@ -23,6 +24,8 @@ from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.pose import Pose, rotation_error
 
 RigUnit = Literal["m", "cm", "mm"]
+# What pictures are taken for, where a calibration knows raw and rectified cameras.
+Pictures = Literal["auto", "raw", "rectified"]
 PER_METRE: dict[RigUnit, float] = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 
 
@@ -40,6 +43,7 @@ class RigReading:
         turns: (3, 3) rotations of the left and the right raw camera's directions into the
             rectified ones', where the file has them.
         projections: (3, 4) projection matrices as the file has them, by their names.
+        rectified_note: what it means that both are known and pictures are taken for rectified.
     """
 
     path: Path
@@ -50,6 +54,34 @@ class RigReading:
     min_depth_m: float | None = None
     turns: tuple[Float64, Float64] | None = None
     projections: Mapping[str, Float64] = field(default_factory=dict)
+    rectified_note: str = ""
+
+    def taken_for(self, pictures: Pictures) -> RigReading:
+        """The same without the rig that is not meant: rectified pictures count first.
+
+        Raises:
+            CalibrationField: pictures are said to be raw, and only rectified cameras are known.
+        """
+        if pictures == "raw":
+            if self.raw is None:
+                raise CalibrationField(
+                    f"the cameras of rectified pictures alone ({self.form})",
+                    want="K, distortion, R and T of the cameras as they are",
+                    fix="Leave --rectify.pictures out, if the pictures are rectified.",
+                    path=self.path,
+                )
+            return replace(self, rectified=self.raw if self.raw.is_rectified else None)
+        if pictures == "rectified":
+            _ = self.of_rectified
+        told = (self.rectified_note,) if self.rectified_note else ()
+        return replace(self, notes=(*self.notes, *told))
+
+    @property
+    def of_pictures(self) -> StereoRig:
+        """The rig of rectified pictures where that is known, else of raw ones."""
+        rig = self.rectified or self.raw
+        assert rig is not None  # no reader returns a reading without either
+        return rig
 
     @property
     def of_rectified(self) -> StereoRig:
@@ -64,7 +96,7 @@ class RigReading:
                 f"a rig of unrectified cameras ({self.form})" + (f": {why}" if why else ""),
                 want="the rig of rectified pictures: P1 and P2, projection_matrix, or equal "
                 "focal lengths and rows without distortion",
-                fix="Rectify the pictures and give the rectified rig.",
+                fix="Leave --rectify.pictures out to have them rectified as they load.",
                 path=self.path,
             )
         return self.rectified

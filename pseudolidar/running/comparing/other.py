@@ -9,6 +9,7 @@ from pseudolidar.errors import SourceUnknown
 from pseudolidar.evaluation.map_files import is_maps
 from pseudolidar.running.comparing.partners import partners_of
 from pseudolidar.running.comparing.references import OtherMaps, OtherSource, Reference
+from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.source import FrameSequence, clouds_of
 from pseudolidar.stereo.given_maps import GivenMaps, StoredSteps
@@ -42,7 +43,7 @@ def other_reference(
         maps = GivenMaps.of(Path(text), source.ids, kind="disparity", stored=steps)
         _log.info("reference: disparity maps of %s", text)
         return OtherMaps(maps, frozenset(maps.files))
-    return _paired(source, settings.open(), matcher)
+    return _paired(source, opened_with_rig(settings, None), matcher)
 
 
 def other_scans(text: str, source: FrameSequence[StereoFrame]) -> OtherSource:

@@ -24,9 +24,9 @@ from pseudolidar.running.describing.describe_source import (
 )
 from pseudolidar.running.describing.description import READ_AS, Description, is_likely, likelihood
 from pseudolidar.running.settings_schema import choice_name
-from pseudolidar.sources.aligned_rows import with_rows_aligned
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.names import natural_key
+from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.sources.synthetic import SYNTHETIC
@@ -140,7 +140,7 @@ def _source(
     if isinstance(settings, Recording):
         _into(facts, unknown, "topics", lambda: _topics(settings.path))
     try:
-        source = with_rows_aligned(settings.open())
+        source = opened_with_rig(settings, None)
     except PseudolidarError as error:
         reason = _unknown("frames", error)
         if not any(reason["got"] == other["got"] for other in unknown):

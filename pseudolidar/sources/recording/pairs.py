@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from pseudolidar.sources.recording.topics import Topic, Topics, nearest, nearest
 from pseudolidar.sources.source import SourceSummary
 from pseudolidar.structures.arrays import Int64
 from pseudolidar.structures.camera import StereoRig
-from pseudolidar.structures.frame import LidarScan, StereoFrame
+from pseudolidar.structures.frame import LidarScan, RawPair, StereoFrame
 from pseudolidar.structures.pose import Pose
 
 # A scan belongs to a pair that is no further away than one turn of a LiDAR at 10 Hz.
@@ -72,9 +71,13 @@ class RecordedPairs:
     scan_numbers: tuple[int, ...] = field(repr=False)
     mark_topic: Topic | None = field(default=None, repr=False)
     marks: tuple[int, ...] = field(default=(), repr=False)
-    yields: ClassVar = StereoFrame
 
-    def load(self, index: int) -> StereoFrame:
+    @property
+    def yields(self) -> type[StereoFrame] | type[RawPair]:
+        """Rectified or unrectified pairs, by the rig."""
+        return StereoFrame if self.rig.is_rectified else RawPair
+
+    def load(self, index: int) -> StereoFrame | RawPair:
         """Read and decode a pair with its scan and pose.
 
         Raises:
@@ -98,7 +101,7 @@ class RecordedPairs:
         tree = self.frames.tree(messages[fixed:], stamp_ns)
         still = any(isinstance(m, Mark) and NO_POSE in m.text for m in messages[fixed:])
         try:
-            return StereoFrame(
+            return self.yields(
                 pictures[0].pixels,
                 pictures[1].pixels,
                 self.rig,

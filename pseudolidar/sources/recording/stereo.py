@@ -1,4 +1,4 @@
-"""Which topics of a recording are the two eyes of a rectified pair, and their rig."""
+"""Which topics of a recording are the two eyes of a pair, and their rig."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ from pseudolidar.errors import (
     UsageError,
 )
 from pseudolidar.formats.recordings.messages import CameraInfo
+from pseudolidar.formats.rigs.rig_reading import Pictures
 from pseudolidar.geometry.frame_chain import chain
 from pseudolidar.geometry.frames import BASE_LINK
 from pseudolidar.sources.recording.eyes import SAME_DIRECTION, SAME_PX, Eye
+from pseudolidar.sources.recording.raw_eyes import offset_m, raw_rig_of
 from pseudolidar.sources.recording.topics import Topics
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera, StereoRig
@@ -35,7 +37,7 @@ class StereoTopics:
     Args:
         left: left pictures.
         right: right pictures.
-        rig: of the rectified pictures.
+        rig: of the pictures.
         line: how they were found.
     """
 
@@ -46,7 +48,11 @@ class StereoTopics:
 
 
 def find_pair(
-    topics: Topics, eyes: Sequence[Eye], tree: Sequence[Pose], names: tuple[str, str] | None
+    topics: Topics,
+    eyes: Sequence[Eye],
+    tree: Sequence[Pose],
+    names: tuple[str, str] | None,
+    pictures: Pictures,
 ) -> StereoTopics | None:
     """The pair of a recording, None where it has none.
 
@@ -55,25 +61,35 @@ def find_pair(
         eyes: its topics of pictures.
         tree: its transforms at its beginning.
         names: topics of left and right, where the user names them.
+        pictures: which are wanted; rectified ones count first.
 
     Raises:
         UsageError: a named topic is not there.
         CalibrationMissing: the named topics have no calibration.
-        NotRectified: the only pairs are not rectified.
+        NotRectified: rectified pairs are wanted, and the only ones are raw; or nobody can tell how
+            to rectify these.
     """
     if names is not None:
         left, right = (_named(eyes, name) for name in names)
         for eye in (left, right):
             if eye.camera is None:
                 raise _uncalibrated(topics, eye)
+        raw = pictures == "raw" or not (left.is_rectified and right.is_rectified)
+        if raw and pictures != "rectified":
+            taken = raw_pair(left, right, tree, "raw pictures named by --topics")
+            if taken is not None or pictures == "raw":
+                return taken
         return _pair(left, right, tree, "named by --topics", forced=True)
     found = [pair for a in eyes for b in eyes if (pair := _candidate(a, b, tree))]
-    if not found:
-        return None
     good = [pair for pair in found if pair.left.is_rectified and pair.right.is_rectified]
-    if not good:
+    if good and pictures != "raw":
+        return max(good, key=_preference)
+    raw_pairs = [pair for a in eyes for b in eyes if (pair := _raw_candidate(a, b, tree))]
+    if raw_pairs and pictures != "rectified":
+        return max(raw_pairs, key=_preference)
+    if found and not good:
         raise _unrectified(found[0])
-    return max(good, key=lambda pair: _preference(pair))
+    return None
 
 
 def given_eyes(eyes: Sequence[Eye], names: tuple[str, str] | None) -> tuple[Eye, Eye] | None:
@@ -119,6 +135,18 @@ def _candidate(a: Eye, b: Eye, tree: Sequence[Pose]) -> StereoTopics | None:
     return None
 
 
+def _raw_candidate(a: Eye, b: Eye, tree: Sequence[Pose]) -> StereoTopics | None:
+    """The pair of `a` as left and `b` as right eye, if both are unrectified and can be one."""
+    if a is b or a.camera is None or b.camera is None or a.topic.name == b.topic.name:
+        return None
+    if a.is_rectified or b.is_rectified or _image_name(a) != _image_name(b):
+        return None
+    stereo = b.shift_m < a.shift_m
+    alone = a.shift_m == b.shift_m == 0 and _right_by_names(a, b) and a.frame != b.frame
+    line = "by their calibration" if stereo else "by their names, apart by tf"
+    return raw_pair(a, b, tree, f"raw pictures, {line}") if stereo or alone else None
+
+
 def _pair(
     left: Eye, right: Eye, tree: Sequence[Pose], line: str, *, forced: bool = False
 ) -> StereoTopics | None:
@@ -130,6 +158,15 @@ def _pair(
         return None
 
 
+def raw_pair(left: Eye, right: Eye, tree: Sequence[Pose], line: str) -> StereoTopics | None:
+    """Two topics of unrectified pictures as a pair, None where their calibration is not enough."""
+    try:
+        rig = raw_rig_of(left, right, tree)
+    except PseudolidarError:
+        return None
+    return None if rig is None else StereoTopics(left, right, rig, line)
+
+
 def _rig(left: Eye, right: Eye, tree: Sequence[Pose]) -> StereoRig:
     """The rig of the rectified images: `P` of both cameras.
 
@@ -139,7 +176,7 @@ def _rig(left: Eye, right: Eye, tree: Sequence[Pose]) -> StereoRig:
     assert left.camera is not None
     assert right.camera is not None
     K, K_right = left.camera.P[:, :3], right.camera.P[:, :3]
-    t_m = _offset_m(right.camera.P) - _offset_m(left.camera.P)
+    t_m = offset_m(right.camera.P) - offset_m(left.camera.P)
     if not t_m.any():
         T_right_left = chain(tree, right.frame, left.frame)
         if T_right_left is not None and _parallel(T_right_left):
@@ -157,12 +194,6 @@ def _rig(left: Eye, right: Eye, tree: Sequence[Pose]) -> StereoRig:
             fix="Rectify the pictures, or give their rig: --rig rig.json.",
         )
     return rig
-
-
-def _offset_m(P: Float64) -> Float64:
-    """(3,) `t` of `P = K [I | t]`: minus where the camera is in the frame that `P` projects."""
-    z = P[2, 3]
-    return np.array([(P[0, 3] - P[0, 2] * z) / P[0, 0], (P[1, 3] - P[1, 2] * z) / P[1, 1], z])
 
 
 def _camera(info: CameraInfo, K: Float64, frame: str) -> Camera:
@@ -216,8 +247,9 @@ def _unrectified(pair: StereoTopics) -> NotRectified:
     return NotRectified(
         f"{pair.left.topic.name} and {pair.right.topic.name} are raw pictures "
         f"(distortion {eye.camera.model} {D}; rectified ones are called image_rect)",
-        want="rectified pictures",
-        fix="Record image_rect, e.g. of ROS's image_proc, or rectify before.",
+        want="rectified pictures, or a lens model that is known: plumb_bob, rational_polynomial, "
+        "equidistant",
+        fix="Record image_rect, e.g. of ROS's image_proc, or give a rig: --rig rig.json.",
     )
 
 

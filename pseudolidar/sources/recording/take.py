@@ -28,7 +28,7 @@ from pseudolidar.sources.recording.stereo import StereoTopics, find_pair, given_
 from pseudolidar.sources.recording.topics import Topic, Topics
 from pseudolidar.sources.source import FrameSequence, SourceSummary
 from pseudolidar.structures.pose import Pose
-from pseudolidar.structures.recorded import Frame
+from pseudolidar.structures.recorded import HeldFrame
 
 # What recordings of this package carry their rig in.
 CALIBRATION = "calibration.json"
@@ -36,7 +36,7 @@ CALIBRATION = "calibration.json"
 MOST_LISTED = 12
 
 
-def open_recording(settings: Recording) -> FrameSequence[Frame]:
+def open_recording(settings: Recording) -> FrameSequence[HeldFrame]:
     """What the settings ask for, of the recording that they name; see `Recording`.
 
     Raises:
@@ -50,7 +50,7 @@ def open_recording(settings: Recording) -> FrameSequence[Frame]:
         raise error.located(settings.path) from error.__cause__
 
 
-def _taken(settings: Recording, topics: Topics, frames: RecordedFrames) -> FrameSequence[Frame]:
+def _taken(settings: Recording, topics: Topics, frames: RecordedFrames) -> FrameSequence[HeldFrame]:
     """The pairs, the clouds or the depths, by what was asked for and what there is."""
     wanted = settings.take == "pairs" or settings.topics is not None or settings.rig is not None
     # A recording of ours is taken for its clouds; pictures that were split off have none.
@@ -88,7 +88,7 @@ def _pair(
     tree = _tree(topics, frames, pictures[0].topic) if pictures else ()
     if settings.rig is not None:
         return _with_given_rig(settings, topics, given_eyes(pictures, names)), tree
-    pair = find_pair(topics, pictures, tree, names)
+    pair = find_pair(topics, pictures, tree, names, settings.pictures)
     text = topics.store.attachment(CALIBRATION) if topics.own and pair is not None else b""
     if pair is not None and text:
         # All of the rig: the projections lack a disparity correction and the last digits.
@@ -110,7 +110,7 @@ def _with_given_rig(
     reading = read_any_rig(
         str(settings.rig), size_px=(width, height), unit=settings.rig_unit, limits=settings.limits
     )
-    rig = reading.of_rectified
+    rig = reading.taken_for(settings.pictures).of_pictures
     if settings.scale_calibration and rig.left.size_px != (width, height):
         rig = rig.scaled_to(width, height)
     rig.check_size(width, height)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.sources.source import SourceSummary
 from pseudolidar.sources.video.packing import Packing
 from pseudolidar.structures.arrays import Int64
 from pseudolidar.structures.camera import StereoRig
-from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.frame import RawPair, StereoFrame
 
 if TYPE_CHECKING:
     from pseudolidar.formats.video.file import VideoFile
@@ -43,9 +43,13 @@ class VideoSource:
     right_frames: Int64 = field(repr=False)
     packing: Packing = field(repr=False)
     rig: StereoRig = field(repr=False)
-    yields: ClassVar = StereoFrame
 
-    def load(self, index: int) -> StereoFrame:
+    @property
+    def yields(self) -> type[StereoFrame] | type[RawPair]:
+        """Rectified or unrectified pairs, by the rig."""
+        return StereoFrame if self.rig.is_rectified else RawPair
+
+    def load(self, index: int) -> StereoFrame | RawPair:
         """Decode a pair: the very pixels that decoding from the start would give.
 
         Raises:
@@ -60,7 +64,7 @@ class VideoSource:
             other = self.right.picture(int(self.right_frames[index]))
             left, right, notes = picture.pixels, other.pixels, notes + other.notes
         try:
-            return StereoFrame(
+            return self.yields(
                 left,
                 right,
                 self.rig,

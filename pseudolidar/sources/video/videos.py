@@ -19,7 +19,7 @@ from pseudolidar.errors import (
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.rigs.rig_file import find_rig, read_any_rig
 from pseudolidar.formats.rigs.rig_json import missing_rig
-from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit
+from pseudolidar.formats.rigs.rig_reading import Pictures, RigReading, RigUnit
 from pseudolidar.formats.video.kind import video_kind
 from pseudolidar.sources.source import SourceSummary
 from pseudolidar.sources.stamps import FrameTimes
@@ -69,6 +69,7 @@ class Video:
         as_stored: do not turn pictures although the video says so.
         scale_calibration: scale the rig where pictures have another size.
         rig_unit: unit of lengths in calibrations that do not say it.
+        pictures: raw or rectified, where a calibration knows both.
         limits: caps on the files.
     """
 
@@ -85,6 +86,7 @@ class Video:
     as_stored: bool = False
     scale_calibration: bool = False
     rig_unit: RigUnit | None = None
+    pictures: Pictures = "auto"
     limits: Limits = DEFAULT_LIMITS
 
     def open(self) -> VideoSource:
@@ -144,7 +146,8 @@ class Video:
         file = find_rig(video.parent) if self.rig is None else Path(self.rig)
         if file is None:
             raise missing_rig(video.parent / "rig.json")
-        return read_any_rig(file, unit=self.rig_unit, limits=self.limits)
+        reading = read_any_rig(file, unit=self.rig_unit, limits=self.limits)
+        return reading.taken_for(self.pictures)
 
     @property
     def _clocks(self) -> VideoClocks:
@@ -160,7 +163,7 @@ class Video:
     def _packed(self, video: VideoFile, reading: RigReading) -> VideoSource:
         packing = find_packing(
             video,
-            reading.of_rectified,
+            reading.of_pictures,
             layout=self.layout,
             swap=self.swap,
             scale_calibration=self.scale_calibration,
@@ -188,15 +191,16 @@ class Video:
     def _two(
         self, left: VideoFile, right: VideoFile, rule: str, reading: RigReading
     ) -> VideoSource:
-        if left.size_px != right.size_px:
+        if self.swap:
+            left, right = right, left
+        rig = reading.of_pictures
+        if left.size_px != right.size_px and rig.left.size_px == rig.right.size_px:
             raise PairMismatch(
                 f"left video of {size_text(left)}, right one of {size_text(right)}",
                 want="the same size",
                 fix="Check that both are of one recording.",
                 path=right.path,
             )
-        if self.swap:
-            left, right = right, left
         clocks = self._clocks
         moments = pair_moments(
             *clocks.of_both(left, right),
@@ -213,7 +217,7 @@ class Video:
             )
         times = clocks.of(left, moments.left)
         rig = fitting_rig(
-            reading.of_rectified,
+            rig,
             left.size_px,
             scale_calibration=self.scale_calibration,
             path=left.path,

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
-from pseudolidar.errors import StereoConfig, UsageError
+from pseudolidar.errors import StereoConfig
 from pseudolidar.stereo.networks.reading import resized_map
 from pseudolidar.structures.arrays import Float32, UInt8
+from pseudolidar.structures.image_size import ImageSize
 
 Run = Callable[[UInt8, UInt8], Float32]
 
@@ -18,34 +17,6 @@ Run = Callable[[UInt8, UInt8], Float32]
 MARGIN_PX, FADE_PX = 16, 32
 # Tiles that differ by more than this, or this share of the disparity, at one pixel do not know it.
 SEAM_PX, SEAM_SHARE = 1.0, 0.05
-
-
-@dataclass(frozen=True)
-class ImageSize:
-    """A size as `640x384`, width first.
-
-    Args:
-        width: px.
-        height: px.
-    """
-
-    width: int
-    height: int
-
-    @classmethod
-    def parse(cls, text: str) -> Self:
-        """From `640x384`.
-
-        Raises:
-            UsageError: not two positive numbers.
-        """
-        parts = text.lower().split("x")
-        if len(parts) != 2 or not all(p.isascii() and p.isdigit() and int(p) > 0 for p in parts):
-            raise UsageError(f"{text!r}", want="a size such as 640x384, width first")
-        return cls(int(parts[0]), int(parts[1]))
-
-    def __str__(self) -> str:
-        return f"{self.width}x{self.height}"
 
 
 def padded(run: Run, left: UInt8, right: UInt8, multiple: int) -> Float32:

@@ -101,7 +101,9 @@ def test_what_opencv_wrote_is_read_to_the_last_bit(form: str, tmp_path: Path) ->
     assert rectified.left.K.tobytes() == values["P1"][:, :3].tobytes()
     assert rectified.doffs_px == values["P2"][0, 2] - values["P1"][0, 2] != 0
     assert rectified.baseline_m == pytest.approx(-values["P2"][0, 3] / values["P2"][0, 0] / 1000)
-    assert "rectified" in reading.notes[0]
+    assert "taken for rectified" in reading.taken_for("auto").notes[-1]
+    assert reading.taken_for("raw").of_pictures is raw
+    assert not reading.taken_for("raw").notes
 
 
 def test_the_q_of_opencv_gives_the_points_of_its_p(tmp_path: Path) -> None:

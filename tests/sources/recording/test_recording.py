@@ -20,7 +20,7 @@ from pseudolidar.formats.rigs.rig_json import rig_text
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.structures.correction import DisparityCorrection
-from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.frame import RawPair, StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, RecordedCloud
 from tests.recordings import (
     DELAY_NS,
@@ -174,8 +174,9 @@ def test_eyes_that_are_not_triggered_together_need_a_wider_tolerance(
     assert len(Recording(str(path), tolerance_s=0.01).open().ids) == 4
 
 
-def test_pictures_that_are_not_rectified_are_refused_with_the_reason(
-    tmp_path: Path, drive: list[StereoFrame]
+@pytest.mark.parametrize("lens", ["plumb_bob", "of my own"])
+def test_pictures_that_are_not_rectified_are_taken_as_such_or_refused_with_the_reason(
+    lens: str, tmp_path: Path, drive: list[StereoFrame]
 ) -> None:
     frame = drive[0]
     messages = []
@@ -185,14 +186,26 @@ def test_pictures_that_are_not_rectified_are_refused_with_the_reason(
     ):
         place, time_ns = f"/stereo/{side}", frame.timestamp_ns
         info = ros_camera(frame.rig.left.K, P, (96, 48), time_ns, side, D=(-0.3, 0.1, 0, 0, 0))
+        info.distortion_model = lens
         messages += [
             (f"{place}/camera_info", info, time_ns),
             (f"{place}/image_raw", ros_image(pixels, time_ns, side, "rgb8"), time_ns),
         ]
     path = write_ros2_bag(tmp_path / "bag", messages)
+    if lens == "plumb_bob":
+        raw = Recording(str(path)).open()
+        assert raw.yields is RawPair
+        assert raw.rig is not None
+        assert raw.rig.left.distortion.tolist() == [-0.3, 0.1, 0, 0]
+        assert raw.rig.baseline_m == pytest.approx(frame.rig.baseline_m)
+        pair = raw.load(0)
+        assert isinstance(pair, RawPair)
+        np.testing.assert_array_equal(pair.left, frame.left)
     with pytest.raises(NotRectified, match="image_rect") as caught:
-        Recording(str(path)).open()
+        Recording(str(path), pictures="rectified" if lens == "plumb_bob" else "auto").open()
     assert "-0.3" in caught.value.got
+    if lens == "plumb_bob":
+        return
     # With clouds in it those are taken, and it is said why not the pairs.
     cloud = ros_cloud(scan_records(frame.scan), START_NS, "velo_link")  # type: ignore[arg-type]
     both = write_ros2_bag(tmp_path / "both", [*messages, ("/points", cloud, START_NS)])

@@ -1,0 +1,260 @@
+"""Unrectified pairs to rectified ones with their rig, for every other tool."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from pseudolidar.errors import UsageError
+from pseudolidar.formats.rigs.rig_reading import Pictures, RigUnit
+from pseudolidar.geometry.rectification import FISHEYE_FIELD_DEG
+from pseudolidar.running.apart import check_apart, check_elsewhere, paths_read
+from pseudolidar.running.bad_frames import OnError
+from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
+from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
+from pseudolidar.running.folder import check_usable
+from pseudolidar.running.preflight import SourceCheck, check_source
+from pseudolidar.running.products.rectified_pairs import (
+    EncodePairs,
+    folder_of_view,
+    pairs_in,
+    shared_names,
+    write_shared,
+    write_times,
+)
+from pseudolidar.running.results import RunResult
+from pseudolidar.running.run import Run
+from pseudolidar.running.stream import stream
+from pseudolidar.sources.other_rig import opened_with_rig
+from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.rectified import Rectify, in_one_view, raw_rig
+from pseudolidar.sources.selection import FrameSelection, select
+from pseudolidar.sources.source import FrameSequence, evenly_loaded, tell
+from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.image_size import ImageSize
+from pseudolidar.structures.recorded import Frame
+
+PICTURE = "rows.png"
+
+
+@dataclass(frozen=True)
+class RectifyPairs:
+    """Rectify the pairs of SOURCE and write them to OUT: left/, right/, rig.json, valid/, times.
+
+    Other verbs need no such step: they rectify as they load, by --rectify. OUT is for other tools,
+    and gives the same clouds. rows.png shows lines that must meet the same things in both eyes.
+
+        pseudolidar rectify pictures out --rig rig.json
+        pseudolidar rectify pictures out --rig rig.json --alpha 1 --zoom 1.2
+        pseudolidar rectify fisheye out --rig rig.json --views 3
+
+    Args:
+        source: pictures or videos of two eyes as they were taken, or recordings of them.
+        out: output folder.
+        rig: calibration of the cameras as they are: a rig.json, OpenCV YAML, XML or JSON, ROS
+            camera_info; a file, a folder, or LEFT,RIGHT; by default the one beside the pictures.
+        rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
+        scale_calibration: scale the calibration where images have another size.
+        alpha: 0 zooms in until every pixel shows something, 1 out until nothing is lost.
+        zoom: focal length times this, after that.
+        size: of the rectified pictures, by default that of the left ones.
+        field_deg: how much of what a fisheye sees counts for that; of a view its width.
+        views: more than 1 for slices around the baseline that together show all a fisheye sees;
+            each is written to a folder of its own, view_0 and so on, and is a pair like any other.
+        pictures: raw or rectified, where a calibration knows both.
+        swap: exchange left and right pictures.
+        frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
+        exclude: not these.
+        check: look at the first, the middle and the last pair: swapped eyes and rows that are off
+            stop the run.
+        workers: frames worked on at the same time; by default one per core.
+        on_error: skip a bad frame (and stop when they become many), or stop at the first.
+        overwrite: start anew, even where OUT holds a run with other settings.
+    """
+
+    source: Annotated[Source, Recognised(recognise)]
+    out: Annotated[Path, POSITIONAL, RUN_ONLY]
+    rig: Path | None = None
+    rig_unit: RigUnit | None = None
+    scale_calibration: bool = False
+    alpha: float = 0.0
+    zoom: float = 1.0
+    size: ImageSize | None = None
+    field_deg: float = FISHEYE_FIELD_DEG
+    views: int = 1
+    pictures: Pictures = "auto"
+    swap: bool = False
+    frames: FrameSelection | None = None
+    exclude: FrameSelection | None = None
+    check: Annotated[bool, RUN_ONLY] = True
+    workers: Annotated[int | None, RUN_ONLY] = None
+    on_error: Annotated[OnError, RUN_ONLY] = "skip"
+    overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+
+    @property
+    def rectify(self) -> Rectify:
+        """How the pairs are rectified."""
+        return Rectify(self.alpha, self.zoom, self.size, self.field_deg, self.views, self.pictures)
+
+    @property
+    def crew(self) -> CrewPlan:
+        """How the frames are done."""
+        return CrewPlan(self.workers, FRAME_TIMEOUT_S)
+
+
+def run(job: RectifyPairs) -> RectifyReport:
+    """Rectify every pair, encode it, commit it in order; then look at what came out."""
+    check_elsewhere(job.out, job.source)
+    source = opened(job)
+    check_usable(job.out)
+    first = pairs_in(first_frame(source))
+    encode = EncodePairs(tuple(pair.rig for pair in first))
+    products = (*shared_names(job.views), PICTURE)
+    written = {name.partition("/")[0] for name in products} | {"left", "right"}
+    check_apart(job.out, paths_read(job.source, job.rig), sorted(written), overwrite=job.overwrite)
+    with Run.open(job.out, job, source, products=products) as run:
+        settled = run.settled(source.ids)
+        run.check(wanted=job.check and len(settled) < len(source.ids), crew=job.crew)
+        write_shared(job.out, first)
+        for frame in run.good(stream(source, encode, crew=job.crew, skip=settled)):
+            run.commit(frame)
+        times = dict(zip(source.ids, source.timestamps_ns, strict=True))
+        write_times(job.out, run.records(), times, job.views)
+    looked = check_source(in_one_view(source), crew=job.crew)
+    draw(job.out / PICTURE, source, looked)
+    return RectifyReport(run.result(), job.out, first, looked, source.summary.notes)
+
+
+def opened(job: RectifyPairs) -> FrameSequence[Frame]:
+    """The pairs that are asked for, rectified as they load.
+
+    Raises:
+        UsageError: they are rectified already.
+    """
+    every = opened_with_rig(
+        job.source,
+        job.rig,
+        scale_calibration=job.scale_calibration,
+        unit=job.rig_unit,
+        swap=job.swap,
+        rectify=job.rectify,
+    )
+    if raw_rig(every) is None:
+        raise UsageError(
+            "pairs that are rectified already, or no pairs",
+            want="pictures as cameras take them, and the calibration of these cameras",
+            fix="Every verb takes rectified pairs as they are. If these are not, give the rig of "
+            "the cameras: --rig rig.json, and --pictures raw where it knows P1 and P2 too.",
+            path=every.summary.path,
+        )
+    source = select(every, job.frames, job.exclude)
+    tell(source)
+    return source
+
+
+def first_frame(source: FrameSequence[Frame]) -> Frame:
+    """The first frame that can be read; raises what the first one raises where none can."""
+    return next(evenly_loaded(source, most=len(source.ids)), None) or source.load(0)
+
+
+def draw(path: Path, source: FrameSequence[Frame], looked: SourceCheck) -> None:
+    """Draw the pairs that were looked at, all views of each, with rows drawn through both eyes.
+
+    Raises:
+        OutputError: the picture cannot be written.
+    """
+    from pseudolidar.evaluation.rows_picture import rows_picture
+    from pseudolidar.formats.atomic import write_atomic
+    from pseudolidar.formats.pictures.image import encode_png
+
+    panels = []
+    for pair in looked.pairs:
+        views = pairs_in(source.load(source.ids.index(pair.id)))
+        for number, view in enumerate(views):
+            title = f"{pair.id} {folder_of_view(number, len(views)).strip('/')}"
+            if len(views) == 1:
+                title += f": {row_text(pair.matches.row_difference_px[pair.inliers])}"
+            panels.append(rows_picture(view.left, view.right, title=title, mask=view.mask))
+    if panels:
+        write_atomic(path, encode_png(np.vstack(panels)))
+
+
+def row_text(rows_px: np.ndarray[Any, Any]) -> str:
+    """How far rows are off, in words."""
+    if not len(rows_px):
+        return "no matches"
+    median, wide = np.median(np.abs(rows_px)), np.quantile(np.abs(rows_px), 0.95)
+    return f"rows differ by {median:.2f} px (median), {wide:.2f} px (95 %), {len(rows_px)} matches"
+
+
+@dataclass(frozen=True, eq=False)
+class RectifyReport:
+    """What was written, and how well rows meet.
+
+    Args:
+        result: frames and times.
+        out: output folder.
+        pairs: the first pair, or its views.
+        looked: what some pairs show.
+        notes: what was assumed and done.
+    """
+
+    result: RunResult
+    out: Path
+    pairs: tuple[StereoFrame, ...]
+    looked: SourceCheck
+    notes: tuple[str, ...]
+
+    @property
+    def exit_code(self) -> int:
+        """0 all done, 4 some frames skipped, 130 or 143 stopped."""
+        return self.result.exit_code
+
+    @property
+    def rows_px(self) -> np.ndarray[Any, Any]:
+        """(N,) row differences of matches that agree, in the pairs that were looked at."""
+        found = [pair.matches.row_difference_px[pair.inliers] for pair in self.looked.pairs]
+        return np.concatenate(found) if found else np.zeros(0)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Rigs, shares of pixels that show something, row differences, counts and times."""
+        rows = np.abs(self.rows_px)
+        return {
+            **self.result.as_dict(),
+            "out": str(self.out),
+            "views": [_view_facts(pair) for pair in self.pairs],
+            "matches": len(rows),
+            "row_difference_px": float(np.median(rows)) if len(rows) else None,
+            "row_difference_95_px": float(np.quantile(rows, 0.95)) if len(rows) else None,
+            "notes": list(self.notes),
+        }
+
+    def text(self) -> str:
+        """For people, and what to open."""
+        lines = [self.result.text()]
+        for number, pair in enumerate(self.pairs):
+            facts = _view_facts(pair)
+            place = self.out / folder_of_view(number, len(self.pairs))
+            lines.append(
+                f"  {place}: {facts['width_px']}x{facts['height_px']} px, f {facts['f_px']:.1f} px,"
+                f" baseline {facts['baseline_m']:.4f} m, {facts['seen_left']:.1%} of the left "
+                f"pictures can be matched"
+            )
+        lines.append(f"  {row_text(self.rows_px)}")
+        lines.append(f"  {self.out / PICTURE}")
+        return "\n".join(lines)
+
+
+def _view_facts(pair: StereoFrame) -> dict[str, Any]:
+    seen = (1.0, 1.0) if pair.mask is None else (pair.mask.left.mean(), pair.mask.right.mean())
+    return {
+        "width_px": pair.rig.left.width_px,
+        "height_px": pair.rig.left.height_px,
+        "f_px": pair.rig.left.focal_px,
+        "baseline_m": pair.rig.baseline_m,
+        "seen_left": float(seen[0]),
+        "seen_right": float(seen[1]),
+    }
