@@ -6,13 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pseudolidar.structures.arrays import Float32, Float64, Image
+from pseudolidar.structures.arrays import Bool, Float32, Float64, Image
 
 # Levels nearer to either end of the range are clipped, or mostly noise; share of the range.
 CLIPPED = 0.02
+# Points are chosen by what the left eye saw, so that the right eye should see no more than this:
+# chosen by what it saw, the brightest of noise would be missing, and a gain of 1.4 be 1.33.
+BRIGHTEST, DARKEST = 0.88, 0.04
 # Pixels that a difference is fitted to: more tell nothing new.
 MOST_POINTS, LEAST_POINTS = 6_000, 40
 ROUNDS = 8
+# Where an eye is clipped is known to so much.
+CERTAINLY = 0.97
 # Where the pictures hold one brightness only, gamma and vignetting are taken for none: this is how
 # much they are expected to differ (one standard deviation), against `NOISE` of a pixel's logarithm.
 EXPECTED, NOISE = 0.3, 0.05
@@ -45,6 +50,11 @@ class PhotometricDifference:
         """(C,) the right eye's value of a left one."""
         value = level**self.gamma * float(np.exp(self.vignetting * radius2))
         return np.asarray(np.array(self.gain) * value, np.float64)
+
+    def seen_at(self, levels: Float64, radius2: Float64) -> Float64:
+        """(N, C) the right eye's values of left ones (N, C) at squared radii (N,)."""
+        falloff = np.exp(self.vignetting * radius2)[:, None]
+        return np.asarray(np.array(self.gain) * levels**self.gamma * falloff)
 
     @property
     def largest(self) -> float:
@@ -83,6 +93,19 @@ class PhotometricDifference:
             out[:, :, channel] = np.minimum(values, white)
         return out.reshape(right.shape)
 
+    def clipped_alike(self, left: Image, right: Image) -> tuple[Image, Image]:
+        """Both pictures without what either eye is too bright for: it has no texture in both."""
+        white = np.iinfo(right.dtype).max
+        falloff = np.exp(self.vignetting * radius2_of(right.shape[:2]))
+        alike = [np.array(np.atleast_3d(eye)) for eye in (left, right)]
+        for channel, gain in enumerate(self.gain):
+            seen = gain * falloff
+            tops = (CERTAINLY / seen) ** (1.0 / self.gamma), CERTAINLY * seen
+            for eye, top in zip(alike, tops, strict=True):
+                most = (np.minimum(top, 1.0) * white).astype(eye.dtype)
+                np.minimum(eye[:, :, channel], most, out=eye[:, :, channel])
+        return alike[0].reshape(left.shape), alike[1].reshape(right.shape)
+
 
 def radius2_of(shape: tuple[int, ...]) -> Float32:
     """(H, W) float32 squared distance from the middle of a picture, 1 in its corners."""
@@ -107,9 +130,19 @@ def fit_difference(left: Float64, right: Float64, radius2: Float64) -> Photometr
         None where fewer than 40 points are neither clipped nor dark.
     """
     clear = np.all((np.minimum(left, right) > CLIPPED) & (np.maximum(left, right) < 1 - CLIPPED), 1)
-    chosen = np.flatnonzero(clear)
-    if len(chosen) < LEAST_POINTS:
+    if int(clear.sum()) < LEAST_POINTS:
         return None
+    first = _fitted(left, right, radius2, clear)
+    expected = first.seen_at(left, radius2)
+    inside = np.all((expected > DARKEST) & (expected < BRIGHTEST) & (left > DARKEST), axis=1)
+    inside &= np.all((left < 1 - CLIPPED) & (right > 0), axis=1)
+    if int(inside.sum()) < LEAST_POINTS:
+        return first
+    return _fitted(left, right, radius2, inside)
+
+
+def _fitted(left: Float64, right: Float64, radius2: Float64, points: Bool) -> PhotometricDifference:
+    chosen = np.flatnonzero(points)
     chosen = chosen[:: max(1, len(chosen) // MOST_POINTS)]
     x, y, rho2 = np.log(left[chosen]), np.log(right[chosen]), radius2[chosen]
     gamma, _ = _slopes(x, y, rho2)

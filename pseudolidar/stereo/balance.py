@@ -27,6 +27,11 @@ BalanceWhen = Literal["auto", "always", "never"]
 SMALL_WIDTH_PX, NARROWEST_PX, SHORTEST_PX = 320, 64, 16
 # Differences below this (share of the range, at usual brightnesses) are left as they are by `auto`.
 LEAST_DIFFERENCE = 0.02
+# Share of the pixels that one eye is too bright for and the other not, from which on that counts:
+# there one picture has a texture that the other has not, which misleads every cost.
+CLIPPED_SHARE = 0.02
+# Every so many pixels are looked at for it.
+CLIPPED_STEP = 3
 
 
 def balanced(
@@ -35,18 +40,19 @@ def balanced(
     *,
     min_depth_m: float = DEFAULT_MIN_DEPTH_M,
 ) -> StereoMatcher:
-    """The loaded matcher, behind a balance of the eyes where its cost cares for brightness.
+    """The loaded matcher, behind a balance of the eyes.
 
     Args:
         settings: of the matcher.
-        when: `auto` for matchers that compare brightness and pairs that differ; `always` for every
-            pair and any matcher; `never`.
+        when: `auto` where pairs differ by more than the matcher's cost can stand; `always` for
+            every pair and any matcher; `never`.
         min_depth_m: nearest depth that must be found, m.
     """
     matcher = settings.load(min_depth_m=min_depth_m)
-    if when == "never" or (when == "auto" and not settings.compares_brightness):
+    if when == "never":
         return matcher
-    least = LEAST_DIFFERENCE if when == "auto" else 0.0
+    cares = settings.compares_brightness or when == "always"
+    least = (LEAST_DIFFERENCE if when == "auto" else 0.0) if cares else None
     return BalancedMatcher(matcher, Census().load(min_depth_m=min_depth_m), least)
 
 
@@ -54,26 +60,45 @@ def balanced(
 class BalancedMatcher:
     """A matcher that sees the right picture as the left eye would have taken it.
 
+    Where one eye is clipped and the other not, both are shown clipped.
+
     Args:
         matcher: what finds the disparities.
         scout: matches small pictures, by a cost that does not care for brightness.
-        least: differences below it are left as they are, share of the range.
+        least: differences below it are left as they are, share of the range; None to leave all,
+            for a cost that does not care.
     """
 
     matcher: StereoMatcher
     scout: CensusMatcher
-    least: float
+    least: float | None
 
     def __call__(self, frame: StereoFrame) -> DisparityMap:
         """Disparity of the left image; raises as the matcher does."""
         return self.matcher(self.balanced(frame))
 
     def balanced(self, frame: StereoFrame) -> StereoFrame:
-        """The pair with its right picture equalised to the left one."""
-        difference = measured(frame, self.scout)
-        if difference is None or difference.largest < self.least:
+        """The pair with its eyes equalised; itself where there is nothing to be done."""
+        clipped = abs(clipped_share(frame.left) - clipped_share(frame.right)) > CLIPPED_SHARE
+        if self.least is None and not clipped:
             return frame
-        return replace(frame, right=difference.undone(frame.right))
+        difference = measured(frame, self.scout)
+        if difference is None:
+            return frame
+        left, right = frame.left, frame.right
+        if clipped:
+            left, right = difference.clipped_alike(left, right)
+        if self.least is not None and difference.largest >= self.least:
+            right = difference.undone(right)
+        elif not clipped:
+            return frame
+        return replace(frame, left=left, right=right)
+
+
+def clipped_share(image: Image) -> float:
+    """Share of the pixels at the end of their range."""
+    some = image[::CLIPPED_STEP, ::CLIPPED_STEP]
+    return float(np.count_nonzero(some == np.iinfo(image.dtype).max) / some.size)
 
 
 def measured(frame: StereoFrame, scout: StereoMatcher) -> PhotometricDifference | None:

@@ -55,3 +55,13 @@ def test_sgbm_is_as_good_as_with_alike_eyes(pairs, name):
     assert without.d1_filled > usual.d1_filled + 0.008
     assert with_balance.d1_filled < usual.d1_filled + 0.003
     assert with_balance.density > usual.density - 0.01
+
+
+def test_what_one_eye_is_too_bright_for_misleads_less(real_data):
+    source = KittiStereo(str(real_data / "kitti_stereo2015" / "training")).open()
+    frames = [source.load(index) for index in (0, 8, 16)]
+    without, with_balance = (
+        score(balanced(Census(), when), frames, gain=1.4) for when in ("never", "auto")
+    )
+    assert with_balance.density > without.density + 0.01
+    assert with_balance.d1_filled < without.d1_filled

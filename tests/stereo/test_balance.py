@@ -10,8 +10,8 @@ import pytest
 
 from pseudolidar.evaluation.disparity import disparity_errors
 from pseudolidar.sources.synthetic import Synthetic
-from pseudolidar.stereo.balance import BalancedMatcher, balanced, measured
-from pseudolidar.stereo.census import Census, CensusMatcher
+from pseudolidar.stereo.balance import BalancedMatcher, balanced, clipped_share, measured
+from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from tests.exposed import CASES, exposed
 
@@ -53,11 +53,26 @@ def test_sgbm_finds_what_it_would_have_found(pair, name):
 
 def test_census_does_not_care_and_needs_no_balance(pair):
     matcher = balanced(Census(), "auto", min_depth_m=1.0)
-    assert isinstance(matcher, CensusMatcher)
     usual = disparity_errors(matcher(pair), pair.truth)
     for name in CASES:
+        if name not in ("gain 1.4", "red 1.4, blue 0.71", "red 0.71, blue 1.4"):  # clipped
+            bad = badly(pair, name)
+            assert matcher.balanced(bad) is bad
         found = disparity_errors(matcher(badly(pair, name)), pair.truth)
         assert found.d1_est < usual.d1_est + 0.005, name
+
+
+def test_what_one_eye_is_too_bright_for_has_no_texture_in_both():
+    pair = Synthetic("street", frames=1, seed=3, width_px=400).open().load(0)
+    bright = badly(pair, "gain 1.4")
+    assert clipped_share(bright.right) > clipped_share(pair.left) + 0.05
+    seen = balanced(Census(), "auto").balanced(bright)
+    np.testing.assert_array_equal(seen.left[pair.left < 150], pair.left[pair.left < 150])
+    assert seen.left.max() < 200
+    plain, helped = (balanced(Census(), when) for when in ("never", "auto"))
+    assert found_px(helped, bright) > found_px(plain, bright) - 0.01  # tests/real: it helps
+    other = replace(pair, left=exposed(pair.left, gain=1.4))
+    assert balanced(Census(), "auto").balanced(other).right.max() < 200
 
 
 def test_eyes_that_are_alike_stay_as_they_are(pair):
