@@ -239,6 +239,25 @@ def test_a_settings_file_that_is_none_is_refused(
     assert (error["exit_code"], error["path"]) == (2, str(file))
 
 
+def test_tuned_settings_are_taken_by_what_has_them(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "settings.json"
+    tuned = {"matcher": {"kind": "block-match", "block_size": 11}, "smooth": None}
+    file.write_text(json.dumps({"schema": 1, "tuned": {"by": "truth"}, "settings": tuned}))
+    settings = settings_of(capsys, "kitti/a", "--settings", str(file), "--workers", "3")
+    assert settings["matcher"] == {"kind": "block-match", "block_size": 11}
+    assert (settings["source"], settings["workers"]) == (KITTI, 3)
+    over = settings_of(capsys, "kitti/a", "--settings", str(file), "--matcher.block-size", "5")
+    assert over["matcher"]["block_size"] == 5
+    # Settings of a run must all be known, and those that are known must be right.
+    file.write_text(json.dumps({"settings": tuned}))
+    assert "smooth" in error_of(capsys, *job("kitti/a", "--settings", str(file)))["got"]
+    wrong = {"tuned": {}, "settings": {"matcher": {"kind": "guess"}}}
+    file.write_text(json.dumps(wrong))
+    assert error_of(capsys, *job("kitti/a", "--settings", str(file)))["where"] == "matcher"
+
+
 # --- results, errors, exit codes -----------------------------------------------------------------
 
 

@@ -75,7 +75,7 @@ class Node:
         return next(awaited, None)
 
 
-def resolve(cls: type, args: list[str], given: object = None) -> Node:
+def resolve(cls: type, args: list[str], given: Mapping[str, Any] | None = None) -> Node:
     """Make the choices that the arguments name; their flags are taken out of `args`.
 
     `--matcher census:fine` chooses the class and leaves `--matcher.quality=fine`, its first field.
@@ -84,7 +84,7 @@ def resolve(cls: type, args: list[str], given: object = None) -> Node:
     Args:
         cls: settings class.
         args: arguments after the verb; changed.
-        given: settings to start from, instead of the defaults.
+        given: values of fields to start from, instead of their defaults.
 
     Raises:
         UsageError: a choice is unknown; the nearest is named.
@@ -104,10 +104,10 @@ def resolve(cls: type, args: list[str], given: object = None) -> Node:
     return node
 
 
-def _resolve(cls: type, args: list[str], given: object, prefix: str) -> Node:
+def _resolve(cls: type, args: list[str], given: Mapping[str, Any] | None, prefix: str) -> Node:
     entries = []
     for field in settings_fields(cls):
-        default = field.default if given is None else getattr(given, field.name)
+        default = field.default if given is None else given.get(field.name, field.default)
         entries.append(_entry(field, default, args, prefix))
     return Node(cls, tuple(entries))
 
@@ -117,7 +117,7 @@ def _entry(field: SettingsField, default: Any, args: list[str], prefix: str) -> 
     if field.choices:
         return _choice(field, default, args, path)
     if is_settings(field.type):
-        below = None if default is MISSING else default
+        below = None if default is MISSING else vars(default)
         return Entry(field, default, _resolve(field.type, args, below, f"{path}."))
     return Entry(field, default, filled_by=_by_place(field, path))
 
@@ -132,7 +132,9 @@ def _choice(field: SettingsField, default: Any, args: list[str], path: str) -> E
     if text is None:
         if default is MISSING or default is None:
             return Entry(field, default, filled_by=filled_by)
-        return Entry(field, default, _resolve(type(default), args, default, f"{path}."), filled_by)
+        return Entry(
+            field, default, _resolve(type(default), args, vars(default), f"{path}."), filled_by
+        )
     name, colon, rest = text.partition(":")
     chosen = _named(field, name, path)
     if chosen is None:
@@ -141,7 +143,7 @@ def _choice(field: SettingsField, default: Any, args: list[str], path: str) -> E
         args.insert(0, f"--{path}.{_first_field(chosen).flag}={rest}")
         filled_by = FilledBy.FLAG
     default = default if type(default) is chosen else MISSING
-    below = None if default is MISSING else default
+    below = None if default is MISSING else vars(default)
     return Entry(field, default, _resolve(chosen, args, below, f"{path}."), filled_by)
 
 
@@ -174,7 +176,7 @@ def _recognise(entry: Entry, args: list[str], node: Node, place: int) -> Entry:
         return entry
     with contextlib.suppress(*([PseudolidarError] if wants_help(args) else [])):
         settings = recognised.by(texts[place])
-        chosen = _resolve(type(settings), args, settings, f"{entry.field.flag}.")
+        chosen = _resolve(type(settings), args, vars(settings), f"{entry.field.flag}.")
         chosen = _mark_first(chosen, FilledBy.RECOGNITION)
         return Entry(entry.field, settings, chosen, FilledBy.PLACE)
     return entry

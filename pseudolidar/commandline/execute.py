@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,10 @@ from pseudolidar.commandline.help_text import verb_description
 from pseudolidar.commandline.outcome import Report
 from pseudolidar.commandline.verbs import RUN_VERB, Verb, load_file, load_verb
 from pseudolidar.errors import UsageError
-from pseudolidar.running.settings_json import from_json
+from pseudolidar.running.settings_json import FOR_EVERY_VERB, values_from_json
 from pseudolidar.running.settings_schema import settings_fields
 
+_log = logging.getLogger(__name__)
 _MAX_SETTINGS_BYTES = 10_000_000  # a run.json holds kilobytes
 
 
@@ -48,7 +49,7 @@ def _settings(verb: Verb, args: list[str]) -> Any:
     from pseudolidar.commandline.flags import parse_settings
 
     file = take_value(args, "--settings")
-    given = None if file is None else _settings_of_run(verb, Path(file))
+    given = None if file is None else _values_of(verb, Path(file))
     return parse_settings(
         resolve(verb.settings, args, given),
         args,
@@ -57,19 +58,30 @@ def _settings(verb: Verb, args: list[str]) -> Any:
     )
 
 
-def _settings_of_run(verb: Verb, file: Path) -> Any:
-    """Settings from a file: `run.json` of a run, or the settings object alone."""
+def _values_of(verb: Verb, file: Path) -> dict[str, Any]:
+    """Settings by name from a file: `run.json` of a run, what `tune` found, or settings alone.
+
+    Of what `tune` found a verb takes what it has; the settings of a run must all be known.
+    """
+    fields = {field.name: field for field in settings_fields(verb.settings)}
     try:
         with file.open("rb") as stream:
             data = json.loads(stream.read(_MAX_SETTINGS_BYTES))
         if not isinstance(data, dict):
             raise UsageError(f"a JSON {type(data).__name__}", want="an object")
-        settings: Any = from_json(verb.settings, data.get("settings", data))
+        given = data.get("settings", data)
+        if not isinstance(given, dict):
+            raise UsageError(f"a JSON {type(given).__name__}", want="an object", where="settings")
+        if FOR_EVERY_VERB in data:
+            unused = [name for name in given if name not in fields]
+            if unused:
+                _log.info("not used here: %s of %s", ", ".join(unused), file)
+            given = {name: value for name, value in given.items() if name in fields}
+        values = values_from_json(verb.settings, given)
     except OSError as error:
         raise UsageError(error.strerror or str(error), want="a run.json", path=file) from error
     except (ValueError, RecursionError) as error:
         raise UsageError(f"not JSON: {error}", want="a run.json", path=file) from error
     except UsageError as error:
         raise error.located(file) from None
-    this_time = [field for field in settings_fields(verb.settings) if field.this_time]
-    return replace(settings, **{field.name: field.default for field in this_time})
+    return {name: value for name, value in values.items() if not fields[name].this_time}

@@ -20,6 +20,8 @@ from pseudolidar.running.settings_schema import (
 )
 
 CHOICE_KEY = "kind"  # names the member of a union of settings
+# In a file of settings: they are parts that verbs share, and each takes those that it has.
+FOR_EVERY_VERB = "tuned"
 _NOT_FINITE = ("inf", "-inf", "nan")  # as text: JSON has no such numbers
 
 Settings = TypeVar("Settings")
@@ -46,17 +48,26 @@ def from_json(cls: type[Settings], data: dict[str, Any], *, where: str = "") -> 
     Raises:
         UsageError: a field is unknown, missing or of another type; `where` names it.
     """
+    values = values_from_json(cls, data, where=where)
+    for field in settings_fields(cls):
+        if field.default is MISSING and field.name not in values:
+            raise UsageError(f"setting {field.name!r} is missing", where=_at(where, field.name))
+    return cls(**values)
+
+
+def values_from_json(cls: type, data: dict[str, Any], *, where: str = "") -> dict[str, Any]:
+    """Values of some fields of class `cls`, by name, from what `to_json` gave.
+
+    Raises:
+        UsageError: a field is unknown or of another type; `where` names it.
+    """
     fields = {field.name: field for field in settings_fields(cls)}
     for name in data:
         if name not in fields:
             raise UsageError(
                 f"unknown setting {name!r}", want=", ".join(fields), where=_at(where, name)
             )
-    missing = [f.name for f in fields.values() if f.default is MISSING and f.name not in data]
-    if missing:
-        raise UsageError(f"setting {missing[0]!r} is missing", where=_at(where, missing[0]))
-    values = {n: _field_from_json(fields[n], v, _at(where, n)) for n, v in data.items()}
-    return cls(**values)
+    return {n: _field_from_json(fields[n], v, _at(where, n)) for n, v in data.items()}
 
 
 def result_settings(settings: Any) -> dict[str, Any]:
