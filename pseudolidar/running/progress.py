@@ -74,3 +74,34 @@ class ByteProgress:
         """The work has come to this byte."""
         if not self._progress.disable:
             self._progress.update(self._task, completed=position)
+
+
+class TimeProgress:
+    """A bar with the time that is used up, and what was found so far; nothing where nobody looks.
+
+    Args:
+        seconds: that may be used.
+        what: what is done.
+    """
+
+    def __init__(self, seconds: float, what: str) -> None:
+        from pseudolidar.running.progress_bars import time_bar
+
+        self._progress = time_bar()
+        self._task = self._progress.add_task(what, total=seconds, said="")
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._progress.stop()
+
+    def used(self, seconds: float, said: str) -> None:
+        """So much is used up, and that is what there is to say."""
+        self._progress.update(self._task, completed=seconds, said=said)

@@ -29,6 +29,11 @@ def byte_bar() -> Progress:
     return _bar(DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
 
 
+def time_bar() -> Progress:
+    """Time that is used up of what may be, and the task's field `said`."""
+    return _bar(TimeRemainingColumn(), TextColumn("{task.fields[said]}"))
+
+
 def _bar(*columns: ProgressColumn) -> Progress:
     console = Console(stderr=True)
     return Progress(

@@ -1,0 +1,211 @@
+"""The frames that settings are judged on, and what they are compared with there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from pseudolidar.errors import PseudolidarError, ReferenceMissing, SourceEmpty
+from pseudolidar.evaluation.blind import PairEvidence, judged_by_pair
+from pseudolidar.evaluation.compared import projected
+from pseudolidar.evaluation.matching_loss import (
+    Judgement,
+    as_the_rig_has_it,
+    judged_by_reference,
+)
+from pseudolidar.geometry.triangulation import disparity_from_depth
+from pseudolidar.running.comparing.references import OwnReference
+from pseudolidar.sources.selection import whole
+from pseudolidar.sources.source import FrameSource
+from pseudolidar.stereo.matcher import StereoMatcher
+from pseudolidar.structures.arrays import Bool, Float32, Image
+from pseudolidar.structures.frame import StereoFrame
+
+By = Literal["auto", "truth", "scan", "pairs"]
+# Frames that are held back, as a share; they are the last ones, as neighbours are alike.
+HELD_SHARE = 0.4
+# A single pair is judged in strips of so many rows: every other one is held back.
+STRIP_ROWS = 64
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedFrame:
+    """One frame, or every other strip of it.
+
+    Args:
+        id: of the frame, and which strips.
+        frame: the pair.
+        rows: (H,) rows that count.
+        reference: (H, W) px, disparities that the rig has for what is known; None where the pair
+            itself is all there is.
+        evidence: what the pair tells, else.
+        following: the next pair, where it shows the same.
+    """
+
+    id: str
+    frame: StereoFrame
+    rows: Bool
+    reference: Float32 | None
+    evidence: PairEvidence | None = None
+    following: StereoFrame | None = None
+
+    def __call__(self, matcher: StereoMatcher) -> Judgement:
+        """How good the matcher's map is; raises as the matcher does."""
+        values = matcher(self.frame).values
+        if self.reference is not None:
+            return judged_by_reference(values, self.reference, self.rows)
+        assert self.evidence is not None
+        of_right = matcher(mirrored(self.frame)).values[:, ::-1]
+        then = None if self.following is None else matcher(self.following).values
+        return judged_by_pair(self.evidence, values, of_right, then, self.rows)
+
+
+def mirrored(frame: StereoFrame) -> StereoFrame:
+    """The pair in a mirror, eyes exchanged: its left disparities are those of the right eye."""
+    left: Image = frame.right[:, ::-1].copy()
+    right: Image = frame.left[:, ::-1].copy()
+    return StereoFrame(left, right, frame.rig, frame.id, frame.index, frame.timestamp_ns)
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedFrames:
+    """All that settings are judged on.
+
+    Args:
+        by: what they are compared with.
+        tuned_on: what the search sees.
+        held: what it does not.
+    """
+
+    by: str
+    tuned_on: tuple[JudgedFrame, ...]
+    held: tuple[JudgedFrame, ...]
+
+    @classmethod
+    def of(
+        cls, source: FrameSource, by: By, start: StereoMatcher, *, tuned_on: int, held: int
+    ) -> JudgedFrames:
+        """Load and prepare them.
+
+        Args:
+            source: where they come from.
+            by: what settings are compared with; `auto` for the best that there is.
+            start: the settings that the search starts from; the rig's error is told by them.
+            tuned_on: how many frames at most.
+            held: how many frames at most are held back.
+
+        Raises:
+            ReferenceMissing: the frames do not have what is asked for.
+            SourceEmpty: not one frame can be read.
+        """
+        first, last = halves(len(source.ids), tuned_on, held)
+        frames = {index: frame for index in (*first, *last) if (frame := _read(source, index))}
+        if not frames:
+            raise SourceEmpty("no pair that can be read", want="some", path=source.summary.path)
+        chosen = by if by != "auto" else _best(list(frames.values()))
+        parts = [
+            [
+                JudgedFrame(frame.id, frame, np.ones(frame.size_px[1], bool), None)
+                for index in indices
+                if (frame := frames.get(index))
+            ]
+            for indices in (first, last)
+        ]
+        if not all(parts):
+            alone = next(part for each in parts for part in each)
+            parts = [[half] for half in _strips(alone)]
+        ready = [tuple(_prepared(each, chosen, start, source)) for each in parts]
+        if not all(ready):
+            raise ReferenceMissing(
+                f"{source.summary.line}: too few frames with a {chosen} to judge settings by",
+                want="one to tune on and one to hold back",
+                fix="Choose other frames, or --by pairs, which needs pairs only.",
+            )
+        return cls(chosen, *ready)
+
+
+def halves(frames: int, tuned_on: int, held: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Positions of the frames to tune on, and of those to hold back, which come after them."""
+    first_held = frames if frames < 2 else min(frames - 1, round(frames * (1 - HELD_SHARE)))
+    return _spread(0, first_held, tuned_on), _spread(first_held, frames, held)
+
+
+def _spread(begin: int, end: int, most: int) -> tuple[int, ...]:
+    n = min(end - begin, most)
+    return tuple(begin + (2 * step + 1) * (end - begin) // (2 * n) for step in range(n))
+
+
+def _read(source: FrameSource, index: int) -> StereoFrame | None:
+    try:
+        return source.load(index)
+    except PseudolidarError:
+        return None
+
+
+def _best(frames: Sequence[StereoFrame]) -> str:
+    for kind in ("truth", "scan"):
+        if all(_reference(frame, kind) is not None for frame in frames):
+            return kind
+    return "pairs"
+
+
+def _reference(frame: StereoFrame, kind: str) -> StereoFrame | None:
+    if kind == "truth":
+        return OwnReference("truth")(frame)
+    found = OwnReference("auto")(replace(frame, truth=None))
+    if found is None or found.scan is None or found.rig.T_left_velodyne is None:
+        return None
+    return found
+
+
+def _strips(alone: JudgedFrame) -> tuple[JudgedFrame, ...]:
+    """Every other strip of a single pair to tune on, the others to hold back."""
+    strip = np.arange(len(alone.rows)) // STRIP_ROWS % 2
+    return tuple(
+        replace(alone, id=f"{alone.id} {name} strips", rows=strip == number)
+        for number, name in enumerate(("even", "odd"))
+    )
+
+
+def _prepared(
+    parts: Sequence[JudgedFrame], by: str, start: StereoMatcher, source: FrameSource
+) -> Iterator[JudgedFrame]:
+    for part in parts:
+        if by == "pairs":
+            following = _following(source, part.frame)
+            evidence = PairEvidence.of(part.frame, following)
+            seen = following if evidence.follows else None
+            yield replace(part, evidence=evidence, following=seen)
+            continue
+        found = _reference(part.frame, by)
+        if found is None:
+            continue
+        reference = as_the_rig_has_it(reference_px(found), start(part.frame).values)
+        if np.isfinite(reference[part.rows]).any():
+            yield replace(part, reference=reference)
+
+
+def reference_px(frame: StereoFrame) -> Float32:
+    """(H, W) px, disparities that the truth of a frame has, or its scan calls for."""
+    if frame.truth is not None:
+        return frame.truth.values
+    scan = projected(frame)
+    width, height = frame.size_px
+    column, row = np.rint(scan.uv).astype(np.intp).T
+    true_px = disparity_from_depth(scan.depth_m, column.astype(np.float64), frame.rig)
+    values = np.full((height, width), np.nan, np.float32)
+    values[row, column] = true_px
+    return values
+
+
+def _following(source: FrameSource, frame: StereoFrame) -> StereoFrame | None:
+    every = whole(source)
+    if frame.index + 1 >= len(every.ids):
+        return None
+    try:
+        return every.load(frame.index + 1)
+    except PseudolidarError:
+        return None

@@ -1,0 +1,146 @@
+"""`pseudolidar tune`: files, figures on other worlds, stopping and going on, refusals."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from pseudolidar.cli import main
+from pseudolidar.formats.pictures.image import read_image
+
+ROOM = ("synthetic:room:5", "--source.seed", "2", "--source.width-px", "200")
+SMALL = ("--tune-frames", "2", "--held-frames", "1", "--workers", "1", "--budget", "10m")
+
+
+def told(capsys, *arguments, status=0):
+    assert main([*map(str, arguments), "--json"]) == status
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory):
+    """Settings that were tuned on one room."""
+    folder = tmp_path_factory.mktemp("tuned")
+    out, picture = folder / "settings.json", folder / "trials.png"
+    line = ["tune", *ROOM, *SMALL, "--out", str(out), "--candidates", "40"]
+    assert main([*line, "--picture", str(picture)]) == 0
+    return out
+
+
+def test_the_file_has_settings_and_says_what_they_are_worth(tuned):
+    file = json.loads(tuned.read_text())
+    assert set(file) == {"schema", "tuned", "settings"}
+    assert set(file["settings"]) == {"matcher", "smooth", "fill"}
+    said = file["tuned"]
+    assert (said["by"], said["seed"]) == ("truth", 0)
+    assert said["loss_tuned_on"] < 0.9
+    assert said["loss_held"] < 0.95
+    assert said["held_best"]["loss"] < said["held_first"]["loss"]
+    assert not set(said["tuned_on"]) & set(said["held"])
+    assert read_image(tuned.with_name("trials.png")).pixels.shape[1] > 1000
+
+
+def test_they_are_better_in_another_room_too(tuned, capsys):
+    other = ("synthetic:room:3", "--source.seed", "9", "--source.width-px", "200")
+    first = told(capsys, "evaluate", "disparity", *other)
+    best = told(capsys, "evaluate", "disparity", *other, "--settings", tuned)
+    assert best["epe"] < 0.9 * first["epe"]
+    assert best["bad_1"] < first["bad_1"]
+    assert best["density"] > first["density"] - 0.01
+
+
+def test_every_command_takes_them(tuned, capsys, tmp_path):
+    settings = ("--settings", str(tuned))
+    source = ("synthetic:room:2", "--source.width-px", "200")
+    assert main(["convert", *source, str(tmp_path / "out"), *settings]) == 0
+    capsys.readouterr()
+    used = json.loads((tmp_path / "out" / "run.json").read_text())["settings"]
+    file = json.loads(tuned.read_text())["settings"]
+    assert used["matcher"] == file["matcher"]
+    assert used["smooth"] == file["smooth"]
+    told(capsys, "compare", *source, tmp_path / "compared", *settings)
+    told(capsys, "check", *source, *settings)
+    told(capsys, "info", source[0], *settings)
+    again = told(
+        capsys, "tune", *source, *SMALL, *settings, "--candidates", 1, "--out", tmp_path / "b.json"
+    )
+    assert again["settings"]["matcher"] == file["matcher"]
+
+
+def test_the_same_command_goes_on(tuned, capsys):
+    before = json.loads(tuned.read_text())
+    journal = tuned.with_name("settings.trials.jsonl")
+    lines = journal.read_bytes().count(b"\n")
+    report = told(capsys, "tune", *ROOM, *SMALL, "--out", tuned, "--candidates", 40)
+    assert report["restored"] == report["trials"] == lines - 1
+    assert json.loads(tuned.read_text()) == before
+    error = told(capsys, "tune", *ROOM, *SMALL, "--out", tuned, "--seed", 7, status=2)["error"]
+    assert (error["code"], error["where"]) == ("OutputSettings", "seed")
+    assert json.loads(tuned.read_text()) == before
+
+
+def test_pairs_alone_find_what_is_better_by_truth(capsys, tmp_path):
+    out = tmp_path / "blind.json"
+    line = ("tune", *ROOM, *SMALL, "--by", "pairs", "--matcher", "sgbm", "--candidates", 30)
+    report = told(capsys, *line, "--out", out)
+    assert (report["by"], report["improved"]) == ("pairs", True)
+    assert report["held_best"]["d1_est"] is None
+    assert report["loss_held"] <= 1.0
+    other = ("synthetic:room:2", "--source.seed", "9", "--source.width-px", "320")
+    first = told(capsys, "evaluate", "disparity", *other, "--matcher", "sgbm")
+    best = told(capsys, "evaluate", "disparity", *other, "--settings", out)
+    assert best["epe"] < first["epe"]
+    assert best["d1_filled"] < first["d1_filled"] + 0.001
+
+
+def test_a_stopped_search_keeps_the_best_and_goes_on(capsys, tmp_path):
+    out, journal = tmp_path / "s.json", tmp_path / "s.trials.jsonl"
+    line = ["tune", *ROOM, *SMALL, "--out", str(out)]
+    child = subprocess.Popen(
+        [sys.executable, "-m", "pseudolidar.cli", *line], stderr=subprocess.PIPE, text=True
+    )
+    while not (journal.exists() and journal.read_bytes().count(b"\n") > 12):
+        assert child.poll() is None, child.stderr.read()
+        time.sleep(0.05)
+    child.send_signal(signal.SIGINT)
+    _, said = child.communicate(timeout=120)
+    assert child.returncode == 130
+    assert f"the best so far is in {out}" in said
+    assert set(json.loads(out.read_text())["settings"]) == {"matcher", "smooth", "fill"}
+    report = told(capsys, *line, "--candidates", 20)
+    assert report["restored"] >= 12
+    assert report["candidates"] >= 20
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "said"),
+    [
+        (("--budget", "soon"), 2, "300s"),
+        (("--budget", "0s"), 2, "300s"),
+        (("--keep", "matcher.speed"), 2, "matcher.quality"),
+        (("--matcher", "sgbm", "--keep", "matcher.quality"), 2, "matcher.mode"),
+        (("--source.width-px", "70", "--matcher.disparities", "96"), 3, "at most 64"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(arguments, status, said, capsys, tmp_path):
+    out = tmp_path / "s.json"
+    line = ("tune", "synthetic:room:2", "--source.width-px", "128", *arguments, "--out", out)
+    error = told(capsys, *line, status=status)["error"]
+    assert said in f"{error['want']} {error['fix']}"
+    assert not out.exists()
+
+
+def test_no_file_of_anybody_else_is_written_over(capsys, tmp_path):
+    out = tmp_path / "s.json"
+    out.write_text("mine")
+    line = ("tune", *ROOM, *SMALL, "--candidates", 1, "--out", out)
+    assert told(capsys, *line, status=2)["error"]["path"] == str(out)
+    assert out.read_text() == "mine"
+    told(capsys, *line, "--overwrite")
+    assert json.loads(out.read_text())["schema"] == 1
+    assert told(capsys, *line[:-1], tmp_path, status=2)["error"]["got"] == "a folder"
