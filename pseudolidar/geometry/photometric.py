@@ -14,8 +14,8 @@ CLIPPED = 0.02
 # chosen by what it saw, the brightest of noise would be missing, and a gain of 1.4 be 1.33.
 BRIGHTEST, DARKEST = 0.88, 0.04
 # Pixels that a difference is fitted to: more tell nothing new.
-MOST_POINTS, LEAST_POINTS = 6_000, 40
-ROUNDS = 8
+MOST_POINTS, LEAST_POINTS = 1_500, 40
+ROUNDS = 6
 # Where an eye is clipped is known to so much.
 CERTAINLY = 0.97
 # Where the pictures hold one brightness only, gamma and vignetting are taken for none: this is how
