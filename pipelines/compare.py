@@ -48,7 +48,7 @@ from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
 from pseudolidar.running.given import GivenSettings, given_maps
-from pseudolidar.running.matching import MatchFrame, Refining
+from pseudolidar.running.matching import MatchFrame, Refining, steps_in_words
 from pseudolidar.running.products.compared_outputs import ComparedOutputs
 from pseudolidar.running.products.compared_products import ComparedEncoder
 from pseudolidar.running.products.encoders import FrameEncoder
@@ -72,7 +72,7 @@ from pseudolidar.running.reports.drives_report import DrivesReport
 from pseudolidar.running.reports.samples import sampled_frames
 from pseudolidar.running.run import Run
 from pseudolidar.running.settings_json import result_settings
-from pseudolidar.running.settings_schema import choice_name, described
+from pseudolidar.running.settings_schema import described
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.rectified import Rectify
@@ -239,10 +239,14 @@ class Compare:
     @property
     def matched_by(self) -> str:
         """What finds the disparities, and what is done to them, in a few words."""
-        cleaned = None if self.given.text else self.clean
-        steps = (self.temporal, self.smooth, self.fill, cleaned)
-        names = [choice_name(type(step)) for step in steps if step is not None]
-        return " + ".join([self.given.text or described(self.matcher), *names])
+        if self.given.text:
+            return steps_in_words(self.given.text, self.refining, None)
+        return steps_in_words(described(self.matcher), self.refining, self.clean)
+
+    @property
+    def refining(self) -> Refining:
+        """What is done to the disparities."""
+        return Refining(self.temporal, self.smooth, self.fill)
 
 
 def run(job: Compare) -> ComparisonReport | CloudsReport | DrivesReport:
@@ -458,12 +462,11 @@ def opened(job: Compare) -> FrameSequence[Frame]:
 
 def matching(job: Compare, source: FrameSequence[StereoFrame]) -> MatchFrame:
     """What finds the disparities that `convert` would make points of."""
-    refining = Refining(job.temporal, job.smooth, job.fill)
     given = given_maps(job.given, source)
     return MatchFrame.load(
         source,
         job.matcher,
-        refining,
+        job.refining,
         job.clean,
         given=given,
         balance=job.balance,

@@ -26,7 +26,7 @@ from pseudolidar.running.comparing.references import SCAN, WORDS, OwnReference
 from pseudolidar.running.crew.attempt import AnyFrame, Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, Recognised
-from pseudolidar.running.matching import MatchFrame, Refining
+from pseudolidar.running.matching import MatchFrame, Refining, steps_in_words
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.reports.clouds_report import CloudsReport
@@ -269,7 +269,8 @@ def judge_clouds(job: Evaluate) -> CloudsReport:
     )
     scans = OwnReference("scan") if reference is None else other_scans(reference, pairs)
     per_frame = CompareCloudOfPair(match, job.reproject.load(), scans)
-    return told(job, pairs, per_frame, subject=f"{described(job.matcher)} on {source.summary.line}")
+    steps = steps_in_words(described(job.matcher), refining(job), job.clean)
+    return told(job, pairs, per_frame, subject=f"{steps} on {source.summary.line}")
 
 
 def told(

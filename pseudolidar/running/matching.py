@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from pseudolidar.geometry.rectified_pixels import unmasked
 from pseudolidar.running.frame_checks import MIN_DENSITY, check_pair, check_texture
+from pseudolidar.running.settings_schema import choice_name
 from pseudolidar.sources.selection import whole
 from pseudolidar.sources.source import FrameSequence, nearest_depth_m, pairs_of
 from pseudolidar.stereo.balance import BalanceWhen, balanced
@@ -48,6 +49,12 @@ class Refining:
             return matcher, filters
         fuse = self.temporal.load(matcher, pairs_of(whole(source)))
         return fuse.sightings, filters.after(fuse)
+
+
+def steps_in_words(found_by: str, refining: Refining, clean: Clean | None) -> str:
+    """What finds disparities, and what is done to them: `census (quality fast) + clean`."""
+    steps = (refining.temporal, refining.smooth, refining.fill, clean)
+    return " + ".join([found_by, *(choice_name(type(step)) for step in steps if step is not None)])
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ def told(capsys, *args: object, code: int = 0) -> dict:
 def test_pairs_against_their_scans(capsys):
     found = told(capsys, STREET)
     assert (found["frames"], found["reference"]) == (2, "LiDAR scans")
+    assert found["subject"].startswith("census (quality fast) + clean on ")
     assert [(b["from_m"], b["to_m"]) for b in found["bins"]][:2] == [(5, 10), (10, 20)]
     # farther is worse, and near the cloud is good to a hand's width
     near, middle = found["bins"][0], found["bins"][2]

@@ -111,9 +111,7 @@ def test_a_comparison_and_an_evaluation_of_the_same_clouds_agree(real_data, tmp_
     alone = told(capsys, "evaluate", "cloud", *source)
     here = told(capsys, "compare", *source, "--out", tmp_path / "out", "--to", "none")["clouds"]
     assert here == json.loads((tmp_path / "out" / "compare.json").read_text())["clouds"]
-    assert {n: alone[n] for n in here if n != "subject"} == {
-        n: here[n] for n in here if n != "subject"
-    }
+    assert {name: alone[name] for name in here} == here
     # farther is worse, and near the cloud lies within a hand's width of the scan
     bins = here["bins"]
     medians = [each["accuracy_median_m"] for each in bins]

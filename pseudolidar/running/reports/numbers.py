@@ -9,7 +9,8 @@ def percent(share: float | None, *, digits: int = 2, signed: bool = False) -> st
     """A share for people, a dash for none."""
     if share is None:
         return "-"
-    return f"{100 * share:{'+' if signed else ''}.{digits}f} %"
+    value = round(100 * share, digits) + 0.0  # and no -0.00
+    return f"{value:{'+' if signed else ''}.{digits}f} %"
 
 
 def bare(share: float | None, *, digits: int = 2, signed: bool = False) -> str:
