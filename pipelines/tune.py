@@ -116,6 +116,13 @@ class Tune:
     workers: Annotated[int | None, RUN_ONLY] = None
     overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
 
+    def __post_init__(self) -> None:
+        least = {"tune_frames": 1, "held_frames": 1, "candidates": 1, "seed": 0}
+        for name, value in least.items():
+            given = getattr(self, name)
+            if given is not None and given < value:
+                raise UsageError(f"{name} {given}", want=f"{value} or more", where=name)
+
 
 def run(job: Tune) -> TuneReport:
     """Search until the time is over; the best so far is on disk at any moment.

@@ -123,6 +123,8 @@ def test_a_stopped_search_keeps_the_best_and_goes_on(capsys, tmp_path):
         (("--budget", "soon"), 2, "300s"),
         (("--budget", "0s"), 2, "300s"),
         (("--keep", "matcher.speed"), 2, "matcher.quality"),
+        (("--tune-frames", "0"), 2, "1 or more"),
+        (("--seed", "-1"), 2, "0 or more"),
         (("--matcher", "sgbm", "--keep", "matcher.quality"), 2, "matcher.mode"),
         (("--source.width-px", "70", "--matcher.disparities", "96"), 3, "at most 64"),
     ],

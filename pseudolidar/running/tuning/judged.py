@@ -16,19 +16,20 @@ from pseudolidar.evaluation.matching_loss import (
     as_the_rig_has_it,
     judged_by_reference,
 )
+from pseudolidar.geometry.rectified_pixels import unmasked
 from pseudolidar.geometry.triangulation import disparity_from_depth
 from pseudolidar.running.comparing.references import OwnReference
 from pseudolidar.sources.selection import whole
 from pseudolidar.sources.source import FrameSource
 from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.structures.arrays import Bool, Float32, Image
-from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.frame import PairMask, StereoFrame
 
 By = Literal["auto", "truth", "scan", "pairs"]
 # Frames that are held back, as a share; they are the last ones, as neighbours are alike.
 HELD_SHARE = 0.4
-# A single pair is judged in strips of so many rows: every other one is held back.
-STRIP_ROWS = 64
+# A single pair is judged in so many strips: every other one is held back.
+STRIPS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +55,12 @@ class JudgedFrame:
 
     def __call__(self, matcher: StereoMatcher) -> Judgement:
         """How good the matcher's map is; raises as the matcher does."""
-        values = matcher(self.frame).values
+        values = _matched(matcher, self.frame)
         if self.reference is not None:
             return judged_by_reference(values, self.reference, self.rows)
         assert self.evidence is not None
-        of_right = matcher(mirrored(self.frame)).values[:, ::-1]
-        then = None if self.following is None else matcher(self.following).values
+        of_right = _matched(matcher, mirrored(self.frame))[:, ::-1]
+        then = None if self.following is None else _matched(matcher, self.following)
         return judged_by_pair(self.evidence, values, of_right, then, self.rows)
 
 
@@ -67,7 +68,14 @@ def mirrored(frame: StereoFrame) -> StereoFrame:
     """The pair in a mirror, eyes exchanged: its left disparities are those of the right eye."""
     left: Image = frame.right[:, ::-1].copy()
     right: Image = frame.left[:, ::-1].copy()
-    return StereoFrame(left, right, frame.rig, frame.id, frame.index, frame.timestamp_ns)
+    mask = frame.mask and PairMask(frame.mask.right[:, ::-1], frame.mask.left[:, ::-1])
+    pair = StereoFrame(left, right, frame.rig, frame.id, frame.index, frame.timestamp_ns)
+    return replace(pair, mask=mask)
+
+
+def _matched(matcher: StereoMatcher, frame: StereoFrame) -> Float32:
+    """(H, W) px, of what both pictures show."""
+    return unmasked(matcher(frame), frame.mask).values
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +171,7 @@ def _reference(frame: StereoFrame, kind: str) -> StereoFrame | None:
 
 def _strips(alone: JudgedFrame) -> tuple[JudgedFrame, ...]:
     """Every other strip of a single pair to tune on, the others to hold back."""
-    strip = np.arange(len(alone.rows)) // STRIP_ROWS % 2
+    strip = np.arange(len(alone.rows)) * STRIPS // len(alone.rows) % 2
     return tuple(
         replace(alone, id=f"{alone.id} {name} strips", rows=strip == number)
         for number, name in enumerate(("even", "odd"))
@@ -183,7 +191,7 @@ def _prepared(
         found = _reference(part.frame, by)
         if found is None:
             continue
-        reference = as_the_rig_has_it(reference_px(found), start(part.frame).values)
+        reference = as_the_rig_has_it(reference_px(found), _matched(start, part.frame))
         if np.isfinite(reference[part.rows]).any():
             yield replace(part, reference=reference)
 

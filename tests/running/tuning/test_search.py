@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pseudolidar.errors import OutputSettings, PseudolidarError, ReferenceMissing
-from pseudolidar.running.tuning.judged import JudgedFrames, halves
+from pseudolidar.running.tuning.judged import JudgedFrame, JudgedFrames, halves, mirrored
 from pseudolidar.running.tuning.search import Budget, Search
 from pseudolidar.running.tuning.space import Candidate, Space
 from pseudolidar.running.tuning.trials import Trials, key_of
@@ -17,6 +17,7 @@ from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.map_filter import FilteredMatcher, MapFilters
+from pseudolidar.structures.frame import PairMask
 
 START = Candidate(Census(disparities=64))
 SPACE = Space.around(START)
@@ -199,3 +200,17 @@ def test_what_the_frames_do_not_have_is_refused(room):
     by_scan = JudgedFrames.of(room, "scan", load(START), tuned_on=2, held=1)
     share = np.isfinite(by_scan.tuned_on[0].reference).mean()
     assert 0.02 < share < 0.9
+
+
+def test_what_no_eye_saw_does_not_count(room):
+    frame = room.load(1)
+    left = np.ones(frame.left.shape[:2], bool)
+    left[:, :60] = False
+    masked = dataclasses.replace(frame, mask=PairMask(left, np.ones_like(left)))
+    whole = JudgedFrame("a", frame, np.ones(len(left), bool), frame.truth.values)
+    part = dataclasses.replace(whole, frame=masked)
+    assert part(load(START)).density < whole(load(START)).density - 0.2
+    other = mirrored(masked)
+    np.testing.assert_array_equal(other.mask.right, left[:, ::-1])
+    assert other.mask.left.all()
+    np.testing.assert_array_equal(mirrored(other).right, frame.right)
