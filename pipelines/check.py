@@ -10,9 +10,10 @@ import numpy as np
 
 from pseudolidar.calibration.check_finding import SUREST, Finding, percent
 from pseudolidar.calibration.check_rotation import turned
-from pseudolidar.calibration.drift_rig import realigned_rig
+from pseudolidar.calibration.drift_rig import realigned_rig, remounted_rig
 from pseudolidar.errors import ALL_DONE, MapScale, PseudolidarError, SourceEmpty, printable
 from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.geometry.rectification import aligning_rotations
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.given import GivenSettings, given_maps
@@ -21,7 +22,7 @@ from pseudolidar.running.rig_output import check_rig_place, store_rig
 from pseudolidar.running.table import table_text
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
-from pseudolidar.sources.rectified import Rectify
+from pseudolidar.sources.rectified import Rectify, raw_rig
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, FrameSource, pairs_of
 from pseudolidar.stereo.given_maps import StoredSteps
@@ -129,7 +130,11 @@ def mended_rig(check: SourceCheck, source: FrameSource) -> StereoRig | None:
     """The source's rig with the turn of its right eye put right; None where there is none."""
     if check.rotation is None or not turned(check.rotation):
         return None
-    return realigned_rig(source.rig, check.rotation)
+    mounted = raw_rig(source)
+    if mounted is None:
+        return realigned_rig(source.rig, check.rotation)
+    _, R_right = aligning_rotations(mounted.T_right_left)
+    return remounted_rig(mounted, R_right, check.rotation)
 
 
 def maps_found(job: Check, source: FrameSource) -> tuple[Finding, ...]:

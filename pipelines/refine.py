@@ -29,6 +29,7 @@ from pseudolidar.sources.source import FrameSource, nearest_depth_m, pairs_of
 from pseudolidar.stereo.balance import BalanceWhen, balanced
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.sgbm import Bm, Sgbm
+from pseudolidar.structures.camera import StereoRig
 
 
 @dataclass(frozen=True)
@@ -117,8 +118,9 @@ def run(job: Refine) -> RefineReport:
     line, notes = source.summary.line, source.summary.notes
     if not found.changed:
         return RefineReport(line, None, found, warnings, notes)
-    origin = f"{source.rig.origin or 'the rig of the source'}, refined on {line}"
-    previous = store_rig(job.out, replace(found.rig, origin=origin))
+    own = raw_rig(source) or source.rig
+    origin = f"{own.origin or 'the rig of the source'}, refined on {line}"
+    previous = store_rig(job.out, replace(mounted(found.rig, source), origin=origin))
     return RefineReport(line, job.out, found, warnings, notes, previous)
 
 
@@ -141,6 +143,12 @@ def opened(job: Refine) -> FrameSource:
             path=whole.summary.path,
         )
     return pairs_of(select(whole, job.frames, job.exclude))
+
+
+def mounted(rig: StereoRig, source: FrameSource) -> StereoRig:
+    """A refined rig as the source takes it: where it rectifies, its cameras as they are mounted."""
+    raw = raw_rig(source)
+    return rig if raw is None else replace(raw, rows=rig.rows, correction=rig.correction)
 
 
 @dataclass(frozen=True, eq=False)

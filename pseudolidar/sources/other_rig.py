@@ -19,6 +19,7 @@ from pseudolidar.sources.aligned_rows import with_rows_aligned
 from pseudolidar.sources.body import Body, with_rig_file
 from pseudolidar.sources.changed import ChangedSource
 from pseudolidar.sources.folder import Folders
+from pseudolidar.sources.other_raw_rig import with_raw_rig
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.sources.rectified import Rectify, with_pairs_rectified
 from pseudolidar.sources.scans_put_right import Scans, with_scans_put_right
@@ -120,7 +121,10 @@ def _opened(
         return settings.open()
     if isinstance(settings, TumDepth):
         return replace(settings, rig=str(rig)).open()
-    source = pairs_of(settings.open())
+    held = settings.open()
+    if held.yields is RawPair:
+        return with_raw_rig(held, rig, scale_calibration=scale_calibration, unit=unit)
+    source = pairs_of(held)
     reading = read_any_rig(rig, size_px=source.rig.left.size_px, unit=unit)
     reading = reading.taken_for("rectified")
     given = with_rig(source, reading.of_rectified, scale_calibration=scale_calibration)

@@ -10,6 +10,7 @@ from pseudolidar.formats.recordings.kinds import recordings_in
 from pseudolidar.sources.body import Body
 from pseudolidar.sources.cloud_files import CloudFiles
 from pseudolidar.sources.folder import Folders, seen_in
+from pseudolidar.sources.kitti.extract import KittiExtract
 from pseudolidar.sources.kitti.object import KittiObject
 from pseudolidar.sources.kitti.odometry import KittiOdometry
 from pseudolidar.sources.kitti.raw import KittiRaw
@@ -22,6 +23,7 @@ from pseudolidar.sources.video.videos import Video
 
 Source = (
     KittiRaw
+    | KittiExtract
     | KittiObject
     | KittiStereo
     | KittiOdometry
@@ -37,6 +39,7 @@ Source = (
 
 # The stricter layout first: KITTI's are folders of pairs, too.
 LAYOUTS = (
+    KittiExtract,
     KittiRaw,
     KittiObject,
     KittiStereo,

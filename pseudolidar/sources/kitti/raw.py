@@ -72,10 +72,10 @@ class KittiRaw:
         """
         root = Path(self.path)
         drive = _drive(root, self.sequence)
+        _refuse_unrectified(drive, self.limits)
         cameras, absent = choose_cameras(self.camera, drive_cameras(drive), path=drive)
         files = calibration_files(drive)
         calibration = _calibration(files, self.limits)
-        _refuse_unrectified(drive, self.limits)
         pairs = pair_by_number(cameras.left, cameras.right)
         numbers = [number for number, _, _ in pairs.pairs]
         times = _times(cameras.left.folder.parent, numbers, self.rate_hz, self.limits)
@@ -151,7 +151,7 @@ def _refuse_unrectified(drive: Path, limits: Limits) -> None:
         raise NotRectified(
             "a drive of the unrectified data",
             want="a synchronised and rectified one (drive_NNNN_sync)",
-            fix="Get the sync version of this drive, or rectify it first.",
+            fix="Read it with --source kitti-extract, or get the sync version of this drive.",
             path=drive,
         )
 

@@ -1,0 +1,109 @@
+"""Unrectified pairs seen through another rig: the cameras as they are mounted, of a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, ClassVar, cast
+
+from pseudolidar.errors import CalibrationSizeMismatch, NotRectified, PseudolidarError
+from pseudolidar.formats.rigs.rig_file import read_any_rig
+from pseudolidar.formats.rigs.rig_json import rig_notes
+from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.sources.source import FrameSequence, SourceSummary
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.frame import RawPair
+
+
+def with_raw_rig(
+    source: FrameSequence[Any],
+    file: Path,
+    *,
+    scale_calibration: bool = False,
+    unit: RigUnit | None = None,
+) -> RawRiggedSource:
+    """The source with the cameras of a file, as they are mounted, with their corrections.
+
+    Velodyne and IMU stay those of the source; where it has none, those of the file count.
+
+    Args:
+        source: of unrectified pairs.
+        file: a calibration of any known form.
+        scale_calibration: scale it to the images where they have another size.
+        unit: of its lengths, for files that do not say it.
+
+    Raises:
+        NotRectified: the file knows rectified pictures alone, which these are not.
+        CalibrationSizeMismatch: it is for another image size.
+    """
+    assert source.rig is not None
+    size_px = source.rig.left.size_px
+    reading = read_any_rig(file, size_px=size_px, unit=unit)
+    if reading.raw is None or reading.raw.is_rectified:
+        raise NotRectified(
+            f"the rig of rectified pictures ({reading.form})",
+            want="the cameras of unrectified ones: K, distortion, R and T",
+            fix="`pseudolidar check SOURCE --out rig.json` and `refine` write such a rig for this "
+            "source; or rectify the pictures first.",
+            path=file,
+        )
+    rig = reading.raw
+    if rig.left.size_px != size_px:
+        if not scale_calibration:
+            raise CalibrationSizeMismatch(
+                f"a rig for images of {rig.left.width_px}x{rig.left.height_px}",
+                want=f"{size_px[0]}x{size_px[1]}, the size of the images",
+                fix="Pass --scale-calibration if the images were resized, or the right rig.",
+                path=file,
+            )
+        rig = rig.scaled_to(*size_px)
+    own = source.rig
+    mounted = replace(
+        rig,
+        T_left_velodyne=own.T_left_velodyne or rig.T_left_velodyne,
+        T_velodyne_imu=own.T_velodyne_imu or rig.T_velodyne_imu,
+    )
+    said = f"rig: {rig.origin or 'given'}, instead of {own.origin or 'that of the source'}"
+    notes = (said, *reading.notes, *rig_notes(rig))
+    return RawRiggedSource(source, mounted, tuple(dict.fromkeys(notes)))
+
+
+@dataclass(frozen=True, eq=False)
+class RawRiggedSource:
+    """A source of unrectified pairs with another rig.
+
+    Args:
+        source: where the pairs come from.
+        rig: the rig that replaces theirs.
+        notes: what is odd about it.
+    """
+
+    source: FrameSequence[Any]
+    rig: StereoRig = field(repr=False)
+    notes: tuple[str, ...]
+    yields: ClassVar = RawPair
+
+    @property
+    def summary(self) -> SourceSummary:
+        """What it is."""
+        summary = self.source.summary
+        return replace(summary, notes=(*summary.notes, *self.notes))
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Names of the frames."""
+        return self.source.ids
+
+    @property
+    def timestamps_ns(self) -> tuple[int, ...]:
+        """Times of the frames."""
+        return self.source.timestamps_ns
+
+    @property
+    def refused(self) -> tuple[tuple[str, PseudolidarError], ...]:
+        """Frames known to be unusable."""
+        return self.source.refused
+
+    def load(self, index: int) -> RawPair:
+        """Frame `index` with the given rig."""
+        return replace(cast("RawPair", self.source.load(index)), rig=self.rig)
