@@ -8,7 +8,9 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from pseudolidar.calibration.known_distance import KnownDistance
 from pseudolidar.errors import UsageError
+from pseudolidar.formats.rigs.rig_json import write_rig
 from pseudolidar.formats.rigs.rig_reading import Pictures, RigUnit
 from pseudolidar.geometry.rectification import FISHEYE_FIELD_DEG
 from pseudolidar.running.apart import check_apart, check_elsewhere, paths_read
@@ -28,6 +30,7 @@ from pseudolidar.running.products.rectified_pairs import (
 from pseudolidar.running.results import RunResult
 from pseudolidar.running.run import Run
 from pseudolidar.running.stream import stream
+from pseudolidar.running.uncalibrated import CAMERAS, FoundCameras, as_file, found_cameras
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.rectified import Rectify, in_one_view, raw_rig
@@ -50,6 +53,12 @@ class RectifyPairs:
         pseudolidar rectify pictures out --rig rig.json
         pseudolidar rectify pictures out --rig rig.json --alpha 1 --zoom 1.2
         pseudolidar rectify fisheye out --rig rig.json --views 3
+        pseudolidar rectify pictures out --uncalibrated
+        pseudolidar rectify pictures out --uncalibrated --focal 720 --known-distance baseline:0.12
+
+    --uncalibrated finds the cameras from matches of the pictures alone, and writes them to
+    cameras.json, too. Rows meet then, and the shape of the scene is known as far as the focal
+    length is; its scale is not: pictures alone do not tell it. --known-distance sets it.
 
     Args:
         source: pictures or videos of two eyes as they were taken, or recordings of them.
@@ -65,6 +74,12 @@ class RectifyPairs:
         views: more than 1 for slices around the baseline that together show all a fisheye sees;
             each is written to a folder of its own, view_0 and so on, and is a pair like any other.
         pictures: raw or rectified, where a calibration knows both.
+        uncalibrated: find the cameras from the pictures, whatever calibration there is.
+        focal: focal length of both cameras, where it is known, px; for --uncalibrated.
+        known_distance: what sets the scale of --uncalibrated, in metres: baseline:0.12, the eyes'
+            distance; points:310,200,420,205=1.8, that of what two pixels of a left picture show;
+            box:300,180,360,260=4.5, how far what a box shows is away; @ID behind it names the
+            picture, by default the first.
         swap: exchange left and right pictures.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         exclude: not these.
@@ -86,6 +101,9 @@ class RectifyPairs:
     field_deg: float = FISHEYE_FIELD_DEG
     views: int = 1
     pictures: Pictures = "auto"
+    uncalibrated: bool = False
+    focal: float | None = None
+    known_distance: KnownDistance | None = None
     swap: bool = False
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
@@ -108,27 +126,67 @@ class RectifyPairs:
 def run(job: RectifyPairs) -> RectifyReport:
     """Rectify every pair, encode it, commit it in order; then look at what came out."""
     check_elsewhere(job.out, job.source)
-    source = opened(job)
+    check_settings(job)
+    if job.uncalibrated:
+        return run_uncalibrated(job)
+    return run_with_rig(job, job.rig)
+
+
+def run_uncalibrated(job: RectifyPairs) -> RectifyReport:
+    """Find the cameras first."""
+    found = found_cameras(
+        job.source,
+        focal_px=job.focal,
+        known=job.known_distance,
+        swap=job.swap,
+        rectify=job.rectify,
+    )
+    with as_file(found.rig) as path:
+        return run_with_rig(job, path, found)
+
+
+def run_with_rig(
+    job: RectifyPairs, rig: Path | None, found: FoundCameras | None = None
+) -> RectifyReport:
+    """Rectify every pair by a rig, given or found, and look at what came out."""
+    source = opened(job, rig)
     check_usable(job.out)
     first = pairs_in(first_frame(source))
     encode = EncodePairs(tuple(pair.rig for pair in first))
-    products = (*shared_names(job.views), PICTURE)
+    products = (*shared_names(job.views), PICTURE, *((CAMERAS,) if found else ()))
     written = {name.partition("/")[0] for name in products} | {"left", "right"}
     check_apart(job.out, paths_read(job.source, job.rig), sorted(written), overwrite=job.overwrite)
     with Run.open(job.out, job, source, products=products) as run:
         settled = run.settled(source.ids)
         run.check(wanted=job.check and len(settled) < len(source.ids), crew=job.crew)
         write_shared(job.out, first)
+        if found is not None:
+            write_rig(job.out / CAMERAS, found.rig)
         for frame in run.good(stream(source, encode, crew=job.crew, skip=settled)):
             run.commit(frame)
         times = dict(zip(source.ids, source.timestamps_ns, strict=True))
         write_times(job.out, run.records(), times, job.views)
     looked = check_source(in_one_view(source), crew=job.crew)
     draw(job.out / PICTURE, source, looked)
-    return RectifyReport(run.result(), job.out, first, looked, source.summary.notes)
+    return RectifyReport(run.result(), job.out, first, looked, source.summary.notes, found)
 
 
-def opened(job: RectifyPairs) -> FrameSequence[Frame]:
+def check_settings(job: RectifyPairs) -> None:
+    """Raise `UsageError` for flags that belong to --uncalibrated alone, or contradict it."""
+    alone = {"--focal": job.focal, "--known-distance": job.known_distance}
+    given = [name for name, value in alone.items() if value is not None]
+    if given and not job.uncalibrated:
+        raise UsageError(
+            f"{' and '.join(given)} without --uncalibrated",
+            want="--uncalibrated, or a rig, which has a focal length and a scale",
+        )
+    if job.uncalibrated and job.rig is not None:
+        raise UsageError("--uncalibrated and --rig", want="one of them")
+    if job.focal is not None and not job.focal > 0:
+        raise UsageError(f"a focal length of {job.focal:g} px", want="above 0", where="focal")
+
+
+def opened(job: RectifyPairs, rig: Path | None) -> FrameSequence[Frame]:
     """The pairs that are asked for, rectified as they load.
 
     Raises:
@@ -136,7 +194,7 @@ def opened(job: RectifyPairs) -> FrameSequence[Frame]:
     """
     every = opened_with_rig(
         job.source,
-        job.rig,
+        rig,
         scale_calibration=job.scale_calibration,
         unit=job.rig_unit,
         swap=job.swap,
@@ -200,6 +258,7 @@ class RectifyReport:
         pairs: the first pair, or its views.
         looked: what some pairs show.
         notes: what was assumed and done.
+        found: cameras that were found from the pictures, where nobody calibrated them.
     """
 
     result: RunResult
@@ -207,6 +266,7 @@ class RectifyReport:
     pairs: tuple[StereoFrame, ...]
     looked: SourceCheck
     notes: tuple[str, ...]
+    found: FoundCameras | None = None
 
     @property
     def exit_code(self) -> int:
@@ -230,6 +290,7 @@ class RectifyReport:
             "row_difference_px": float(np.median(rows)) if len(rows) else None,
             "row_difference_95_px": float(np.quantile(rows, 0.95)) if len(rows) else None,
             "notes": list(self.notes),
+            "uncalibrated": None if self.found is None else self.found.as_dict(),
         }
 
     def text(self) -> str:
@@ -240,10 +301,13 @@ class RectifyReport:
             place = self.out / folder_of_view(number, len(self.pairs))
             lines.append(
                 f"  {place}: {facts['width_px']}x{facts['height_px']} px, f {facts['f_px']:.1f} px,"
-                f" baseline {facts['baseline_m']:.4f} m, {facts['seen_left']:.1%} of the left "
+                f" {pair.rig.baseline_text}, {facts['seen_left']:.1%} of the left "
                 f"pictures can be matched"
             )
         lines.append(f"  {row_text(self.rows_px)}")
+        if self.found is not None:
+            lines += [f"  {line}" for line in self.found.lines]
+            lines.append(f"  {self.out / CAMERAS}")
         lines.append(f"  {self.out / PICTURE}")
         return "\n".join(lines)
 
@@ -255,6 +319,7 @@ def _view_facts(pair: StereoFrame) -> dict[str, Any]:
         "height_px": pair.rig.left.height_px,
         "f_px": pair.rig.left.focal_px,
         "baseline_m": pair.rig.baseline_m,
+        "metric": pair.rig.metric,
         "seen_left": float(seen[0]),
         "seen_right": float(seen[1]),
     }

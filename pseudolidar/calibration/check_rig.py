@@ -42,7 +42,7 @@ def baseline_found(rig: StereoRig, disparity_px: Float64) -> Finding:
     """
     baseline_m = rig.baseline_m
     if not rig.metric:
-        text = "unknown scale: depths are multiples of the distance between the eyes, not metres"
+        text = "unknown scale: depths are in a unit that nobody knows, not metres"
         return Finding(BASELINE, "warn", text, None, SET_SCALE, {"baseline_m": None})
     figures: dict[str, float | int | None] = {"baseline_m": baseline_m, "matches": None}
     text = f"{baseline_m:.4g} m"

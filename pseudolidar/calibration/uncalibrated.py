@@ -30,6 +30,7 @@ from pseudolidar.errors import CalibrationValue, PairSwapped
 from pseudolidar.geometry.twists import exp_twist
 from pseudolidar.structures.arrays import Bool, Float64
 from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.disparity import DEFAULT_MIN_DEPTH_M
 from pseudolidar.structures.pose import Pose
 
 FocalFrom = Literal["given", "assumed", "seen"]
@@ -46,6 +47,8 @@ MOST_TURNED_DEG = 40.0
 MOST_ROWS_PX = 1.0
 # Disparity that the farthest matches have at least, px: at infinity and behind it is no point.
 LEAST_FAR_PX, FAR_QUANTILE, MOST_MOVES = 1.0, 0.01, 5
+# How far the nearest matches are, in the rig's unit.
+NEAREST_UNITS = 1.25 * DEFAULT_MIN_DEPTH_M
 # Matches lie in clumps that err alike.
 CLUMP = 3.0
 CONFIDENCE, MOST_SAMPLES, SEED = 0.999, 10_000, 0
@@ -56,7 +59,9 @@ class UncalibratedFit:
     """Two cameras as their pictures show them.
 
     Args:
-        rig: cameras without distortion, eyes a distance of 1 apart; its scale is unknown.
+        rig: cameras without distortion; its scale is unknown. Its unit of length is such that the
+            nearest matches are a little farther than the nearest depth that is usually looked for,
+            so that what is usual for metres fits it.
         focal_from: where the focal length is from.
         pairs: how many pairs it is from.
         matches: of them.
@@ -113,7 +118,7 @@ def fit_uncalibrated(
         moved_px += short_px
         solver = solver.moved(short_px)
     return UncalibratedFit(
-        solver.rig(found.angles, size_px),
+        solver.rig(found.angles, size_px, flat),
         focal_from,
         len(pairs),
         len(left),
@@ -145,6 +150,10 @@ class _Flat:
     @property
     def far_px(self) -> float:
         return float(np.quantile(self.disparity, FAR_QUANTILE))
+
+    @property
+    def near_px(self) -> float:
+        return float(np.quantile(self.disparity, 1 - FAR_QUANTILE))
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,11 +226,12 @@ class _Solver:
         left, right = _mapped(H_left, a), _mapped(H_right, b)
         return _Flat(np.abs(right[:, 1] - left[:, 1]), left[:, 0] - right[:, 0])
 
-    def rig(self, angles: Float64, size_px: tuple[int, int]) -> StereoRig:
+    def rig(self, angles: Float64, size_px: tuple[int, int], flat: _Flat) -> StereoRig:
         """The cameras as they are mounted, so that these rotations rectify them."""
         width, height = size_px
         R_left, R_right = _rotations(angles)
-        t = R_right.T @ np.array([-1.0, 0.0, 0.0])
+        apart = NEAREST_UNITS * flat.near_px / self.K_left[0, 0]
+        t = R_right.T @ np.array([-apart, 0.0, 0.0])
         return StereoRig(
             Camera(self.K_left, width, height, frame="camera_left"),
             Camera(self.K_right, width, height, frame="camera_right"),

@@ -58,11 +58,13 @@ def with_raw_rig(
             )
         rig = rig.scaled_to(*size_px)
     own = source.rig
-    mounted = replace(
-        rig,
-        T_left_velodyne=own.T_left_velodyne or rig.T_left_velodyne,
-        T_velodyne_imu=own.T_velodyne_imu or rig.T_velodyne_imu,
-    )
+    mounted = rig
+    if rig.metric:  # where lengths are no metres, nothing that is measured in them has a place
+        mounted = replace(
+            rig,
+            T_left_velodyne=own.T_left_velodyne or rig.T_left_velodyne,
+            T_velodyne_imu=own.T_velodyne_imu or rig.T_velodyne_imu,
+        )
     said = f"rig: {rig.origin or 'given'}, instead of {own.origin or 'that of the source'}"
     notes = (said, *reading.notes, *rig_notes(rig))
     return RawRiggedSource(source, mounted, tuple(dict.fromkeys(notes)))

@@ -106,8 +106,8 @@ class StereoRig:
             they load a pair; the rig of such a frame has none.
         origin: where the calibration comes from, in words.
         quality: how good the calibration is, where it tells.
-        metric: whether lengths are metres. A rig found from pictures alone has eyes a distance of 1
-            apart, and everything that is measured with it is a multiple of that.
+        metric: whether lengths are metres. Those of a rig found from pictures alone, and of all
+            that is measured with it, are in a unit that nobody knows.
 
     Raises:
         CalibrationValue: baseline zero or of the wrong sign.
@@ -181,7 +181,7 @@ class StereoRig:
         """Raise `CalibrationUnits` where lengths are no metres."""
         if not self.metric:
             raise CalibrationUnits(
-                "a rig of unknown scale: lengths are multiples of the distance between the eyes",
+                "a rig of unknown scale: its lengths are in a unit that nobody knows",
                 want="metres",
                 fix="Set the scale by something known, `pseudolidar rectify SOURCE OUT "
                 "--uncalibrated --known-distance baseline:0.12`.",

@@ -107,12 +107,16 @@ def test_the_pose_comes_out_of_exact_matches_but_for_its_scale():
     R = turn(TURNED_DEG)
     np.testing.assert_allclose(fit.rig.T_right_left.matrix[:3, :3], R, atol=1e-5)
     t = -R @ RIGHT_AT
-    np.testing.assert_allclose(fit.rig.T_right_left.translation_m, t / np.linalg.norm(t), atol=1e-4)
+    between = fit.rig.T_right_left.translation_m
+    np.testing.assert_allclose(between / np.linalg.norm(between), t / np.linalg.norm(t), atol=1e-4)
     assert (fit.focal_from, fit.agreeing, fit.rig.metric) == ("given", 600, False)
     assert fit.after_px < 1e-4 < 10 < fit.before_px
     xyz, _ = placed(fit, matches)
     lengths = np.linalg.norm(xyz[:, :3] / xyz[:, 3:], axis=1) / np.linalg.norm(points(), axis=1)
-    np.testing.assert_allclose(lengths, 1 / np.linalg.norm(RIGHT_AT), rtol=1e-3)
+    unit = np.linalg.norm(fit.rig.T_right_left.translation_m) / np.linalg.norm(RIGHT_AT)
+    np.testing.assert_allclose(lengths, unit, rtol=1e-3)
+    nearest = np.quantile(xyz[:, 2] / xyz[:, 3], 0.01)
+    assert nearest == pytest.approx(1.25 * 3.0, rel=0.1)
 
 
 def test_without_a_focal_length_rows_meet_and_the_shape_is_right_up_to_a_projectivity():
@@ -198,7 +202,8 @@ def test_a_rendered_room_with_its_rig_withheld(room):
     apart_m = np.linalg.norm(places[0] - places[1])
     known = f"points:{','.join(map(str, ends.ravel()))}={apart_m:.4f}"
     by_points = seen_scale(KnownDistance.parse(known), plan, disparity)
-    assert by_points.metres == pytest.approx(true.baseline_m, rel=0.05)
+    units = np.linalg.norm(fit.rig.T_right_left.translation_m)
+    assert by_points.metres * units == pytest.approx(true.baseline_m, rel=0.05)
     assert by_points.sigma_share < 0.1
 
 

@@ -226,7 +226,7 @@ def rig_notes(rig: StereoRig) -> tuple[str, ...]:
         if error > ROUNDED_ROTATION
     ]
     if not rig.metric:
-        notes.append("scale unknown: lengths are multiples of the distance between the eyes")
+        notes.append("scale unknown: lengths are in a unit that nobody knows, not in metres")
     if rig.correction is not None:
         origin = rig.correction.origin or "unknown origin"
         notes.append(f"refined rig: leaves {rig.correction.residual_px:.2f} px ({origin})")

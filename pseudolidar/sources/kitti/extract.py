@@ -60,7 +60,7 @@ class KittiExtract:
         path: a drive, its date folder, or the folder of the dates.
         camera: colour where it is there, or one kind.
         sequence: the drive, `2011_09_26_drive_0002_extract` or `0002`; the only one by default.
-        max_skew_s: eyes whose times differ by more are no pair, s.
+        max_skew: eyes whose times differ by more are no pair, s.
         scan_offset: picture n has scan n - this, as a LiDAR that began to turn so many pictures
             later numbers them. By default scans are found by their times, and where they have none
             by the same number.
@@ -71,14 +71,14 @@ class KittiExtract:
     path: str
     camera: CameraChoice = "auto"
     sequence: str | None = None
-    max_skew_s: float = 0.01
+    max_skew: float = 0.01
     scan_offset: int | None = None
     rate_hz: float = 10.0
     limits: Limits = DEFAULT_LIMITS
 
     def __post_init__(self) -> None:
-        if not self.max_skew_s >= 0:
-            raise UsageError(f"{self.max_skew_s:g} s", want="0 or more", where="max_skew")
+        if not self.max_skew >= 0:
+            raise UsageError(f"{self.max_skew:g} s", want="0 or more", where="max_skew")
 
     @classmethod
     def looks_like(cls, path: Path) -> bool:
@@ -100,7 +100,7 @@ class KittiExtract:
         calibration = read_unrectified_calib(*files.paths, limits=self.limits)
         rig = calibration.rig(cameras.numbers, date=files.date)
         paired = timed_pairs(
-            cameras, max_skew_s=self.max_skew_s, rate_hz=self.rate_hz, limits=self.limits
+            cameras, max_skew_s=self.max_skew, rate_hz=self.rate_hz, limits=self.limits
         )
         if not paired.pairs:
             raise _no_pair(paired, drive)

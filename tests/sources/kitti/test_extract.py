@@ -123,13 +123,13 @@ def test_pairs_whose_times_disagree_are_left_out_and_told(drive):
     assert [name for name, _ in source.refused] == ["0000000002", "0000000004"]
     assert "12 ms away" in source.refused[0][1].got
     assert "--max-skew" in source.refused[0][1].fix
-    assert len(KittiExtract(str(drive), max_skew_s=0.03).open().ids) == FRAMES
-    assert len(KittiExtract(str(drive), max_skew_s=0.001).open().ids) == 3
+    assert len(KittiExtract(str(drive), max_skew=0.03).open().ids) == FRAMES
+    assert len(KittiExtract(str(drive), max_skew=0.001).open().ids) == 3
     write_timestamps(drive / "image_01" / "timestamps.txt", stamps(FRAMES, late_ns=40_000_000))
     with pytest.raises(SourceEmpty, match="40 ms away"):
         KittiExtract(str(drive)).open()
     with pytest.raises(UsageError):
-        KittiExtract(str(drive), max_skew_s=-1.0)
+        KittiExtract(str(drive), max_skew=-1.0)
 
 
 def test_without_times_equal_numbers_are_pairs_and_that_is_said(drive):
