@@ -185,7 +185,7 @@ def test_a_rendered_room_with_its_rig_withheld(room):
     assert fit.after_px < 0.1
     assert fit.held_px < 0.1
     plan = rectification(fit.rig)
-    pair = PairMaps.of(plan).apply(frames[0].left, bent[0], between="linear")
+    pair = PairMaps.of(plan).apply(frames[0].left, bent[0])
     flat = replace(frames[0], left=pair[0], right=pair[1], rig=plan.rig, truth=None)
     disparity = Census(quality="fast").load(min_depth_m=1.0)(flat)
     # A box on the floor in front, and two points of it, whose places the truth tells.
