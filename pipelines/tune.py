@@ -50,7 +50,8 @@ class Tune:
     themselves: left against right, photometric error, and the next frame. One figure counts:
     errors up to 3 px in proportion, larger ones and a fifth of one for each pixel without a
     disparity. The last frames are held back: the figures that are told are of those, and what is
-    no better there than the first settings is not taken.
+    no better there than the first settings is not taken. Time does not count: where it must not
+    grow, say `--keep matcher.quality,smooth`.
 
     The first settings are the defaults, or what the flags say. The same command goes on where it
     was stopped; Ctrl-C keeps the best so far. With the same seed the same settings are tried.
@@ -241,7 +242,8 @@ def found_of(search: Search, scored: Scored, held: float) -> Found:
     """A candidate with its figures on the frames that were held back."""
     start, frames = search.space.start, search.frames.held
     first, best = (
-        Figures.of(search.judgements(candidate, frames)) for candidate in (start, scored.candidate)
+        Figures.of(search.judgements(each, frames), seconds=search.seconds(each, frames))
+        for each in (start, scored.candidate)
     )
     return Found(scored.candidate, start, scored.score, held, first, best)
 

@@ -30,21 +30,24 @@ class Figures:
         density: share of the judged pixels that have a disparity.
         d1_est: share of D1 outliers among them; None without a reference.
         d1_filled: the same of all pixels, gaps filled.
+        seconds: that a map takes, the quickest.
     """
 
     loss: float
     density: float
     d1_est: float | None
     d1_filled: float | None
+    seconds: float
 
     @classmethod
-    def of(cls, judgements: Sequence[Judgement]) -> Figures:
+    def of(cls, judgements: Sequence[Judgement], *, seconds: float) -> Figures:
         """Means of what was judged."""
         return cls(
             float(np.mean([each.loss for each in judgements])),
             float(np.mean([each.density for each in judgements])),
             mean_known([each.d1_est for each in judgements]),
             mean_known([each.d1_filled for each in judgements]),
+            seconds,
         )
 
     def as_dict(self) -> dict[str, float | None]:
@@ -219,4 +222,5 @@ def _figure_rows(found: Found) -> list[tuple[str, str, str]]:
         first, best = getattr(found.first, name), getattr(found.best, name)
         if first is not None and best is not None:
             rows.append((words, f"{100 * first:.2f} %", f"{100 * best:.2f} %"))
-    return rows
+    first_s, best_s = found.first.seconds, found.best.seconds
+    return [*rows, ("time a map", f"{1e3 * first_s:.0f} ms", f"{1e3 * best_s:.0f} ms")]

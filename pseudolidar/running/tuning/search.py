@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -15,6 +16,8 @@ from pseudolidar.running.tuning.judged import JudgedFrame, JudgedFrames
 from pseudolidar.running.tuning.space import Candidate, Space
 from pseudolidar.running.tuning.trials import FAILED, Trial, Trials, key_of
 from pseudolidar.stereo.matcher import StereoMatcher
+from pseudolidar.structures.disparity import DisparityMap
+from pseudolidar.structures.frame import StereoFrame
 
 Place = tuple[float, ...]
 # Candidates of the first round, spread evenly, and of each later one.
@@ -129,6 +132,11 @@ class Search:
         ]
         return float(np.mean([mine / max(usual, 1e-9) for mine, usual in losses]))
 
+    def seconds(self, candidate: Candidate, frames: Sequence[JudgedFrame]) -> float:
+        """How long a map of a judged candidate took: the quickest, others were disturbed."""
+        key = key_of(candidate)
+        return min(self.trials.known[key, part.id].seconds for part in frames)
+
     def judged_on(self, candidate: Candidate) -> tuple[JudgedFrame, ...]:
         """The frames to tune on that a candidate was judged on."""
         key = key_of(candidate)
@@ -240,13 +248,26 @@ class Search:
 
     def _tried(self, job: tuple[Candidate, JudgedFrame]) -> Trial:
         candidate, part = job
-        begin_s = time.perf_counter()
         try:
-            judgement = part(self.loader(candidate))
+            matcher = _Timed(self.loader(candidate))
+            judgement = part(matcher)
         except PseudolidarError:  # nothing can be matched with such settings
-            judgement = FAILED
-        seconds = round(time.perf_counter() - begin_s, 4)
-        return Trial(key_of(candidate), part.id, judgement, seconds)
+            return Trial(key_of(candidate), part.id, FAILED, math.inf)
+        return Trial(key_of(candidate), part.id, judgement, round(matcher.seconds, 4))
+
+
+@dataclass
+class _Timed:
+    """A matcher that knows how long its quickest map took."""
+
+    matcher: StereoMatcher
+    seconds: float = math.inf
+
+    def __call__(self, frame: StereoFrame) -> DisparityMap:
+        begin_s = time.perf_counter()
+        found = self.matcher(frame)
+        self.seconds = min(self.seconds, time.perf_counter() - begin_s)
+        return found
 
 
 def _from(frames: Sequence[JudgedFrame], number: int) -> tuple[JudgedFrame, ...]:

@@ -37,7 +37,7 @@ class Trial:
         key: of the candidate.
         frame: id of the judged frame.
         judgement: how good it is.
-        seconds: that it took.
+        seconds: that a map of it took.
     """
 
     key: str
@@ -88,7 +88,8 @@ class Trials:
         self._keep(trial)
         judged = asdict(trial.judgement)
         judged["loss"] = judged["loss"] if math.isfinite(judged["loss"]) else None
-        record = {"key": trial.key, "frame": trial.frame, **judged, "seconds": trial.seconds}
+        seconds = trial.seconds if math.isfinite(trial.seconds) else None
+        record = {"key": trial.key, "frame": trial.frame, **judged, "seconds": seconds}
         self._append((json.dumps({**record, "settings": to_json(candidate)}) + "\n").encode())
 
     def _keep(self, trial: Trial) -> None:
@@ -108,7 +109,8 @@ def _trial(record: dict[str, Any]) -> Trial:
     judged = {name: record[name] for name in ("loss", "density", "d1_est", "d1_filled")}
     if judged["loss"] is None:
         judged["loss"] = math.inf
-    return Trial(record["key"], record["frame"], Judgement(**judged), record["seconds"])
+    seconds = math.inf if record["seconds"] is None else record["seconds"]
+    return Trial(record["key"], record["frame"], Judgement(**judged), seconds)
 
 
 def _check_same(path: Path, line: bytes, first: dict[str, Any]) -> None:
