@@ -9,11 +9,12 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from pseudolidar.calibration.overlap import Overlap
+from pseudolidar.calibration.overlap import Overlap, Trust
+from pseudolidar.calibration.overlap_board import SharedBoard
 from pseudolidar.calibration.overlap_fit import PlaceFound, places_found
 from pseudolidar.errors import ALL_DONE, SOME_SKIPPED, UsageError
 from pseudolidar.formats.rigs.body_json import write_body
-from pseudolidar.running.aligning import FrameSights, SeeFrame
+from pseudolidar.running.aligning import FrameSights, SeeBoard, SeeFrame
 from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
@@ -36,23 +37,26 @@ from pseudolidar.structures.recorded import Frame
 
 @dataclass(frozen=True)
 class Align:
-    """Fit the places of the pairs of a body to the surfaces that neighbours see in common.
+    """Fit the places of the pairs of a body to what neighbours see in common.
 
     SOURCE is a folder with a rig.json of several pairs and a folder for each; the places in it are
-    where the search begins, right to some degrees and decimetres. One pair stays where it is. The
+    where the search begins, right to some degrees and decimetres. One pair stays where it is.
+    Neighbours share surfaces of any scene, or a board that is held where both see it. The
     result tells how sure each place is; what a scene does not hold is refused and not guessed. A
     dozen frames at different places, with walls at several distances, are enough; who moves while
     the pictures of a moment are not quite of one moment aligns that motion, too.
 
         pseudolidar align drone --out drone/rig.json --overwrite
         pseudolidar align crawler --out rig.json --frames 0::20 --root left
+        pseudolidar align boards --by shared-board --by.board charuco:8x6 --by.square 0.03
 
     Args:
         source: pairs of several rigs on one body.
         out: the rig file with the places found.
         root: the pair that stays; by default the first.
-        overlap: which points count, and how sure the result must be.
-        matcher: how disparities are found.
+        by: what neighbours share: `overlap` (surfaces) or `shared-board`.
+        trust: how well the places given are known, and how sure the result must be.
+        matcher: how disparities are found; boards need none.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         exclude: not these.
         rig: rig file of the pairs that replaces the folder's.
@@ -66,7 +70,8 @@ class Align:
     source: Annotated[Source, Recognised(recognise)]
     out: Annotated[Path, RUN_ONLY] = Path("rig.json")
     root: str | None = None
-    overlap: Overlap = field(default_factory=Overlap)
+    by: Overlap | SharedBoard = field(default_factory=Overlap)
+    trust: Trust = field(default_factory=Trust)
     matcher: Census | Sgbm | Bm = field(default_factory=lambda: Census(quality="fine"))
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
@@ -97,17 +102,21 @@ def run(job: Align) -> AlignReport:
     body = body_of(source)
     root = _root(body, job.root)
     warnings = preflight(source, wanted=job.check, crew=crew)
-    see = SeeFrame.of(source, job.matcher, job.overlap, min_depth_m=job.min_depth)
-    seen, skipped = _seen(source, see, crew, job.on_error)
     given = {pair.name: rectified_place(pair) for pair in body.pairs}
-    found = places_found([frame.sights for frame in seen], given, root, job.overlap)
+    see: SeeFrame | SeeBoard
+    if isinstance(job.by, SharedBoard):
+        see = SeeBoard(job.by, given)
+    else:
+        see = SeeFrame.of(source, job.matcher, job.by, min_depth_m=job.min_depth)
+    seen, skipped = _seen(source, see, crew, job.on_error)
+    found = places_found([frame.sights for frame in seen], given, root, job.by, job.trust)
     line = source.summary.line
     write_body(job.out, _with_places(body, given, found, line))
     return AlignReport(line, job.out, root, found, len(seen), warnings, skipped)
 
 
 def _seen(
-    source: FrameSequence[Frame], see: SeeFrame, crew: CrewPlan, on_error: OnError
+    source: FrameSequence[Frame], see: SeeFrame | SeeBoard, crew: CrewPlan, on_error: OnError
 ) -> tuple[list[FrameSights], tuple[Skipped, ...]]:
     seen, skipped = list[FrameSights](), list[Skipped]()
     total = len(source.ids)

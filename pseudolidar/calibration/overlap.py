@@ -19,7 +19,7 @@ from pseudolidar.structures.pose import Pose
 
 @dataclass(frozen=True)
 class Overlap:
-    """Which points count, and what is asked of what they tell.
+    """From surfaces that neighbouring pairs see: which points count.
 
     Args:
         most_m: points farther away are left out; stereo is coarse there.
@@ -27,21 +27,30 @@ class Overlap:
         voxel_m: edge of the cubes of which one point is kept.
         gates_m: how far apart points of one surface may be, step by step; the first must be larger
             than what the places given are wrong by, at the distance of the points.
-        given_shift_m: how well the places given are known (68 %), m: what is seen overrules it,
-            and directions that nothing is seen of stay near it.
-        given_turn_deg: the same of their directions, degrees.
         least_matches: points that must have a partner, of each pair, all frames together.
-        worst_shift_m: largest standard deviation of a place's translation that is accepted.
-        worst_turn_deg: of its rotation.
     """
 
     most_m: float = 30.0
     most_sigma_m: float = 1.2
     voxel_m: float = 0.2
     gates_m: tuple[float, ...] = (1.5, 0.8, 0.4, 0.25)
+    least_matches: int = 300
+
+
+@dataclass(frozen=True)
+class Trust:
+    """What is believed of the places given and of those found.
+
+    Args:
+        given_shift_m: how well the places given are known (68 %), m: what is seen overrules it,
+            and directions that nothing is seen of stay near it.
+        given_turn_deg: the same of their directions, degrees.
+        worst_shift_m: largest standard deviation of a place's translation that is accepted.
+        worst_turn_deg: of its rotation.
+    """
+
     given_shift_m: float = 0.3
     given_turn_deg: float = 3.0
-    least_matches: int = 300
     worst_shift_m: float = 0.15
     worst_turn_deg: float = 0.7
 

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pseudolidar.calibration.overlap import Overlap
+from pseudolidar.calibration.overlap import Overlap, Trust
+from pseudolidar.calibration.overlap_board import SharedBoard
 from pseudolidar.calibration.overlap_partners import Sights, all_partners, distances_of, system
 from pseudolidar.calibration.overlap_trust import (
     check_connected,
@@ -60,7 +61,11 @@ class PlaceFound:
 
 
 def places_found(
-    sights: Sights, given: Mapping[str, Pose], root: str, settings: Overlap
+    sights: Sights,
+    given: Mapping[str, Pose],
+    root: str,
+    by: Overlap | SharedBoard,
+    trust: Trust,
 ) -> dict[str, PlaceFound]:
     """Find the places of all pairs but one, which stays.
 
@@ -68,24 +73,25 @@ def places_found(
         sights: of each frame what each pair sees, by its name.
         given: `T_base_link_left` of each pair, roughly.
         root: the pair that stays.
-        settings: which points count, and how sure the result must be.
+        by: which points count.
+        trust: how well the places given are known, and how sure the result must be.
 
     Raises:
         OverlapInsufficient: a pair that shares too little with the others, or sees nothing that
             holds it in some direction.
     """
     free = [name for name in given if name != root]
-    check_connected(sights, given, root, settings)
+    check_connected(sights, given, root, by.gates_m[0], by.least_matches)
     found = dict(given)
-    for gate_m in settings.gates_m:
-        found = _with_gate(sights, found, free, gate_m, _Prior(given, settings))
-    check_connected(sights, found, root, settings)
-    partners = all_partners(sights, found, settings.gates_m[-1])
+    for gate_m in by.gates_m:
+        found = _with_gate(sights, found, free, gate_m, _Prior(given, trust))
+    check_connected(sights, found, root, by.gates_m[0], by.least_matches)
+    partners = all_partners(sights, found, by.gates_m[-1])
     H, _, dof, chi2 = system(partners, free)
     covariance = covariance_of(H, free, dof, chi2) + common_errors(partners, H, free, dof, chi2)
-    spread = spread_of(sights, found, free, settings.gates_m[-1])
+    spread = spread_of(sights, found, free, by.gates_m[-1])
     return {
-        name: _place(name, at, sights, given, found, covariance, spread, settings)
+        name: _place(name, at, sights, given, found, covariance, spread, by, trust)
         for at, name in enumerate(free)
     }
 
@@ -116,15 +122,15 @@ class _Prior:
     """What is known of the places before: without it a pair that sees a road alone slides away."""
 
     given: Mapping[str, Pose]
-    settings: Overlap
+    trust: Trust
 
     def add(
         self, H: Float64, g: Float64, places: Mapping[str, Pose], free: Sequence[str]
     ) -> tuple[Float64, Float64]:
         """The system with the squares of what each pair moved and turned since."""
         H, g = H.copy(), g.copy()
-        turn = 1.0 / np.radians(self.settings.given_turn_deg) ** 2
-        shift = 1.0 / self.settings.given_shift_m**2
+        turn = 1.0 / np.radians(self.trust.given_turn_deg) ** 2
+        shift = 1.0 / self.trust.given_shift_m**2
         for at, name in enumerate(free):
             block = slice(6 * at, 6 * at + 6)
             about = about_place(places[name])
@@ -163,17 +169,18 @@ def _place(
     found: Mapping[str, Pose],
     covariance: Float64,
     spread: Float64,
-    settings: Overlap,
+    by: Overlap | SharedBoard,
+    trust: Trust,
 ) -> PlaceFound:
     block = slice(6 * at, 6 * at + 6)
     about = about_place(found[name])
     local = about @ covariance[block, block] @ about.T
     sigma = np.sqrt(np.maximum(np.diag(local), spread[block] ** 2))
     moved, turned = moved_by(given[name], found[name])
-    check_near(name, moved, turned, settings)
-    check_held(name, local, sigma, settings)
-    mine = distances_of(sights, found, name, settings.gates_m[-1])
-    before = distances_of(sights, given, name, settings.gates_m[0])
+    check_near(name, moved, turned, trust)
+    check_held(name, local, sigma, trust)
+    mine = distances_of(sights, found, name, by.gates_m[-1])
+    before = distances_of(sights, given, name, by.gates_m[0])
     total = sum(len(frame[name]) for frame in sights if name in frame)
     return PlaceFound(
         found[name],

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.calibration.overlap import Sight
+from pseudolidar.calibration.overlap_board import BoardSight
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.pose import Pose
 
@@ -16,10 +17,14 @@ from pseudolidar.structures.pose import Pose
 LEAST_COSINE = 0.8
 # Roughness of surfaces and of the model, m: no point is surer than this.
 FLOOR_M = 0.01
+# Flatness of boards, m.
+CORNER_FLOOR_M = 0.0005
 # Residuals beyond so many standard deviations count for less (Cauchy).
 CAUCHY = 2.0
 
-Sights = Sequence[Mapping[str, Sight]]
+AnySight = Sight | BoardSight
+FrameSight = Mapping[str, AnySight]
+Sights = Sequence[FrameSight]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +42,24 @@ class Partners:
     residual_m: Float64
     along_first: Float64
     along_second: Float64
+    floor_m: float = FLOOR_M
+    rows_a_point: int = 1
+
+    @property
+    def count(self) -> int:
+        """How many points they are."""
+        return len(self.residual_m) // self.rows_a_point
+
+    @property
+    def distances_m(self) -> Float64:
+        """(count,) how far each is from its partner, or from the partner's surface."""
+        rows = self.residual_m.reshape(-1, self.rows_a_point)
+        return np.asarray(np.linalg.norm(rows, axis=1))
 
     @property
     def sigma_m(self) -> Float64:
         """(N,) error of each distance: both points err along their rays, seen along the normal."""
-        return np.asarray(np.sqrt(self.along_first**2 + self.along_second**2 + FLOOR_M**2))
+        return np.asarray(np.sqrt(self.along_first**2 + self.along_second**2 + self.floor_m**2))
 
     @property
     def weights(self) -> Float64:
@@ -61,10 +79,44 @@ def all_partners(sights: Sights, places: Mapping[str, Pose], gate_m: float) -> l
 
 
 def partners_of(
-    frame: Mapping[str, Sight], first: str, second: str, places: Mapping[str, Pose], gate_m: float
+    frame: FrameSight, first: str, second: str, places: Mapping[str, Pose], gate_m: float
+) -> Partners:
+    """Points of `first` and what `second` sees of the same thing."""
+    a, b = frame[first], frame[second]
+    if isinstance(a, BoardSight):
+        assert isinstance(b, BoardSight)  # one kind for all
+        return _same_corners(a, b, first, second, places)
+    assert isinstance(b, Sight)
+    return _near_surfaces(a, b, first, second, places, gate_m)
+
+
+def _same_corners(
+    a: BoardSight, b: BoardSight, first: str, second: str, places: Mapping[str, Pose]
+) -> Partners:
+    """Corners of a board that both see, along each axis of the body."""
+    _, mine, theirs = np.intersect1d(a.ids, b.ids, return_indices=True)
+    points, others = places[first].apply(a.xyz[mine]), places[second].apply(b.xyz[theirs])
+    axes = np.tile(np.eye(3), (len(mine), 1))
+    R_a, R_b = places[first].matrix[:3, :3], places[second].matrix[:3, :3]
+    spread_a = np.einsum("ij,njk,ik->ni", R_a, a.axes_sigma_m[mine], R_a)
+    spread_b = np.einsum("ij,njk,ik->ni", R_b, b.axes_sigma_m[theirs], R_b)
+    return Partners(
+        first,
+        second,
+        np.repeat(points, 3, axis=0),
+        axes,
+        (points - others).ravel(),
+        np.sqrt(spread_a).ravel(),
+        np.sqrt(spread_b).ravel(),
+        CORNER_FLOOR_M,
+        3,
+    )
+
+
+def _near_surfaces(
+    a: Sight, b: Sight, first: str, second: str, places: Mapping[str, Pose], gate_m: float
 ) -> Partners:
     """Points of `first` whose nearest point of `second` is near and faces the same way."""
-    a, b = frame[first], frame[second]
     T_body_a, T_body_b = places[first].matrix, places[second].matrix
     T_b_a = np.linalg.inv(T_body_b) @ T_body_a
     xyz = a.xyz @ T_b_a[:3, :3].T + T_b_a[:3, 3]
@@ -88,9 +140,9 @@ def partners_of(
 
 
 def distances_of(sights: Sights, places: Mapping[str, Pose], name: str, gate_m: float) -> Float64:
-    """(N,) absolute residuals of the points of a pair that have a partner."""
+    """(N,) how far the points of a pair that have a partner are from it, or its surface."""
     parts = [
-        np.abs(partners_of(frame, name, other, places, gate_m).residual_m)
+        partners_of(frame, name, other, places, gate_m).distances_m
         for frame in sights
         if name in frame
         for other in frame

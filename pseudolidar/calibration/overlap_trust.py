@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pseudolidar.calibration.overlap import Overlap
+from pseudolidar.calibration.overlap import Trust
 from pseudolidar.calibration.overlap_partners import Partners, Sights, all_partners, system
 from pseudolidar.errors import OverlapInsufficient
 from pseudolidar.structures.arrays import Float64
@@ -76,34 +76,33 @@ def spread_of(
 # --- what is not believed ------------------------------------------------------------------------
 
 
-def check_near(name: str, moved: Float64, turned: Float64, settings: Overlap) -> None:
+def check_near(name: str, moved: Float64, turned: Float64, trust: Trust) -> None:
     """Refuse a place so far from the given one that another surface was taken for the same.
 
     Raises:
         OverlapInsufficient: with what it moved by.
     """
     shift_m, turn_deg = float(np.linalg.norm(moved)), float(np.degrees(np.linalg.norm(turned)))
-    far = shift_m > FARTHEST * settings.given_shift_m
-    if far or turn_deg > FARTHEST * settings.given_turn_deg:
+    far = shift_m > FARTHEST * trust.given_shift_m
+    if far or turn_deg > FARTHEST * trust.given_turn_deg:
         raise OverlapInsufficient(
             f"{name}: the surfaces seem to lie on one another {shift_m:.2g} m and {turn_deg:.2g} "
             "degrees from the place given: another wall was taken for the same",
-            want=f"places given to {settings.given_shift_m:g} m and "
-            f"{settings.given_turn_deg:g} degrees",
+            want=f"places given to {trust.given_shift_m:g} m and {trust.given_turn_deg:g} degrees",
             fix="Measure the places better, take more frames, or say how well they are known: "
-            "--overlap.given-shift-m, --overlap.given-turn-deg.",
+            "--trust.given-shift-m, --trust.given-turn-deg.",
             where=f"pair {name}",
         )
 
 
-def check_held(name: str, covariance: Float64, sigma: Float64, settings: Overlap) -> None:
+def check_held(name: str, covariance: Float64, sigma: Float64, trust: Trust) -> None:
     """Refuse a place that what is seen does not hold.
 
     Raises:
         OverlapInsufficient: with the direction.
     """
     shift, turn_deg = float(sigma[:3].max()), float(np.degrees(sigma[3:].max()))
-    if shift <= settings.worst_shift_m and turn_deg <= settings.worst_turn_deg:
+    if shift <= trust.worst_shift_m and turn_deg <= trust.worst_turn_deg:
         return
     values, vectors = np.linalg.eigh(covariance[:3, :3])
     loose = vectors[:, int(np.argmax(values))]
@@ -111,28 +110,25 @@ def check_held(name: str, covariance: Float64, sigma: Float64, settings: Overlap
     raise OverlapInsufficient(
         f"{name}: known to {shift:.2g} m and {turn_deg:.2g} degrees only, least of all along "
         f"({told}) of the body",
-        want=f"{settings.worst_shift_m:g} m and {settings.worst_turn_deg:g} degrees",
+        want=f"{trust.worst_shift_m:g} m and {trust.worst_turn_deg:g} degrees",
         where=f"pair {name}",
     )
 
 
 def check_connected(
-    sights: Sights, places: Mapping[str, Pose], root: str, settings: Overlap
+    sights: Sights, places: Mapping[str, Pose], root: str, gate_m: float, least: int
 ) -> None:
     """Refuse pairs that share too little with those that are tied to the root.
 
     Raises:
         OverlapInsufficient: with what each neighbour shares.
     """
-    shared = _shared(sights, places, settings.gates_m[0])
+    shared = _shared(sights, places, gate_m)
     tied, waiting = {root}, [root]
     while waiting:
         here = waiting.pop()
         for name in places:
-            if (
-                name not in tied
-                and shared.get(frozenset((here, name)), 0) >= settings.least_matches
-            ):
+            if name not in tied and shared.get(frozenset((here, name)), 0) >= least:
                 tied.add(name)
                 waiting.append(name)
     for name in places:
@@ -140,7 +136,7 @@ def check_connected(
             told = ", ".join(_told(name, other, shared) for other in places if other != name)
             raise OverlapInsufficient(
                 f"{name} shares too little with the others: {told} points",
-                want=f"{settings.least_matches} points that another pair sees as well",
+                want=f"{least} points that another pair sees as well",
                 where=f"pair {name}",
             )
 
@@ -149,7 +145,7 @@ def _shared(sights: Sights, places: Mapping[str, Pose], gate_m: float) -> dict[f
     shared: dict[frozenset[str], int] = {}
     for each in all_partners(sights, places, gate_m):
         key = frozenset((each.first, each.second))
-        shared[key] = shared.get(key, 0) + len(each.residual_m)
+        shared[key] = shared.get(key, 0) + each.count
     return {key: count // 2 for key, count in shared.items()}
 
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from pseudolidar.calibration.overlap import Overlap, Sight
+from pseudolidar.calibration.overlap_board import BoardSight, SharedBoard, read_alike
+from pseudolidar.calibration.overlap_partners import AnySight
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.sources.body import parts_of
@@ -14,6 +16,7 @@ from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.matcher import MatcherSettings
 from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.structures.body import BodyFrame
+from pseudolidar.structures.pose import Pose
 from pseudolidar.structures.recorded import Frame
 
 
@@ -26,7 +29,7 @@ class FrameSights:
         lost: why other pairs show nothing, by their names.
     """
 
-    sights: Mapping[str, Sight]
+    sights: Mapping[str, AnySight]
     lost: Mapping[str, PseudolidarError] = field(default_factory=dict)
 
 
@@ -85,3 +88,24 @@ class SeeFrame:
         if not sights:
             raise next(iter(lost.values()))
         return FrameSights(sights, lost)
+
+
+@dataclass(frozen=True)
+class SeeBoard:
+    """Finds the board in each pair of a frame; picklable.
+
+    Args:
+        board: which one.
+        places: `T_base_link_left` of the pairs, roughly: which end a chessboard is read from.
+    """
+
+    board: SharedBoard
+    places: Mapping[str, Pose]
+
+    def __call__(self, frame: Frame) -> FrameSights:
+        """Corners of the board in each pair that sees it with both eyes."""
+        assert isinstance(frame, BodyFrame)  # the source is that of a body
+        pattern = self.board.pattern
+        found = {name: BoardSight.of(pair, pattern) for name, pair in frame.pairs.items()}
+        seen = {name: sight for name, sight in found.items() if sight is not None}
+        return FrameSights(read_alike(seen, self.places, pattern))

@@ -7,7 +7,7 @@ import functools
 import numpy as np
 import pytest
 
-from pseudolidar.calibration.overlap import Overlap, Sight
+from pseudolidar.calibration.overlap import Overlap, Sight, Trust
 from pseudolidar.calibration.overlap_fit import PlaceFound, places_found
 from pseudolidar.errors import OverlapInsufficient
 from pseudolidar.geometry.frames import BASE_LINK
@@ -39,7 +39,9 @@ def errors(found: dict[str, PlaceFound], name: str) -> tuple[float, float]:
 @pytest.mark.parametrize(("turn_deg", "shift_m", "seed"), [(0, 0, 0), (2, 0.1, 1), (4, 0.3, 2)])
 def test_perturbed_places_are_recovered(turn_deg: float, shift_m: float, seed: int) -> None:
     given = places(perturbed(body_rig(), turn_deg=turn_deg, shift_m=shift_m, seed=seed))
-    found = places_found(sights(), given, "front", Overlap(given_shift_m=1, given_turn_deg=10))
+    found = places_found(
+        sights(), given, "front", Overlap(), Trust(given_shift_m=1, given_turn_deg=10)
+    )
     assert set(found) == {"left", "right"}
     for name, place in found.items():
         off_m, off_deg = errors(found, name)
@@ -58,8 +60,8 @@ def test_perturbed_places_are_recovered(turn_deg: float, shift_m: float, seed: i
 def test_another_root_gives_the_same_body() -> None:
     """Places relative to each other do not depend on which pair stays."""
     given = places(perturbed(body_rig(), turn_deg=1, shift_m=0.05, seed=3))
-    by_front = places_found(sights(), given, "front", Overlap())
-    by_left = places_found(sights(), given, "left", Overlap())
+    by_front = places_found(sights(), given, "front", Overlap(), Trust())
+    by_left = places_found(sights(), given, "left", Overlap(), Trust())
     one = given["front"].inverse().matrix @ by_front["right"].T_base_link_left.matrix
     front = by_left["front"].T_base_link_left
     other = front.inverse().matrix @ by_left["right"].T_base_link_left.matrix
@@ -73,8 +75,8 @@ def test_open3d_finds_the_same() -> None:
     o3d = load_open3d()
     pair = {name: sights()[1][name] for name in ("front", "left")}
     given = {name: pose for name, pose in places(body_rig()).items() if name in pair}
-    loose = Overlap(worst_shift_m=9, worst_turn_deg=90)
-    ours = places_found([pair], given, "front", loose)["left"].T_base_link_left
+    loose = Trust(worst_shift_m=9, worst_turn_deg=90)
+    ours = places_found([pair], given, "front", Overlap(), loose)["left"].T_base_link_left
     clouds = {}
     for name, sight in pair.items():
         clouds[name] = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(sight.xyz))
@@ -105,7 +107,7 @@ def test_a_single_plane_holds_nothing_along_itself() -> None:
     seen = [{"a": plane(ground, 1.5, seed), "b": plane(ground, 1.5, seed + 9)} for seed in range(3)]
     given = {name: Pose(BASE_LINK, "camera_left", np.eye(4)) for name in ("a", "b")}
     with pytest.raises(OverlapInsufficient, match="b: known to") as error:
-        places_found(seen, given, "a", Overlap())
+        places_found(seen, given, "a", Overlap(), Trust())
     assert error.value.where == "pair b"
     direction = error.value.got.split("along (")[1].split(")")[0]
     x, y, z = (abs(float(part)) for part in direction.split(","))
@@ -118,16 +120,16 @@ def test_pairs_that_share_nothing_are_refused_with_what_they_share() -> None:
     away[:3, 3] += [0, 100, 0]
     given["left"] = Pose(BASE_LINK, "camera_left", away)
     with pytest.raises(OverlapInsufficient, match="left shares too little") as error:
-        places_found(sights(), given, "front", Overlap())
+        places_found(sights(), given, "front", Overlap(), Trust())
     assert "0 with front" in error.value.got
 
 
 def test_a_place_far_from_the_given_one_is_not_believed() -> None:
     given = places(perturbed(body_rig(), turn_deg=2, shift_m=0.3, seed=5))
-    sure = Overlap(given_shift_m=0.01, given_turn_deg=0.1)
+    sure = Trust(given_shift_m=0.01, given_turn_deg=0.1)
     with pytest.raises(OverlapInsufficient, match="from the place given") as error:
-        places_found(sights(), given, "front", sure)
-    assert "--overlap.given-shift-m" in error.value.fix
+        places_found(sights(), given, "front", Overlap(), sure)
+    assert "--trust.given-shift-m" in error.value.fix
 
 
 def test_a_sight_is_near_sure_and_thin() -> None:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from pseudolidar import cli
-from pseudolidar.formats.rigs.body_json import read_body
+from pseudolidar.formats.rigs.body_json import read_body, write_body
 from tests.body_rigs import body_rig, off_by, perturbed, write_pairs
+from tests.calibration.test_overlap_board import BEARINGS_DEG, SCALE, SQUARE_M, held, seen
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +22,7 @@ def street(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-LOOSE = ("--overlap.worst-shift-m", "9", "--overlap.worst-turn-deg", "90", "--min-depth", "1")
+LOOSE = ("--trust.worst-shift-m", "9", "--trust.worst-turn-deg", "90", "--min-depth", "1")
 
 
 def test_places_are_written_with_how_sure_they_are(
@@ -55,7 +57,7 @@ def test_places_are_written_with_how_sure_they_are(
     ("flags", "code", "kind", "words"),
     [
         ((), 3, "OverlapInsufficient", "known to"),
-        (("--overlap.least-matches", "100000"), 3, "OverlapInsufficient", "shares too little"),
+        (("--by.least-matches", "100000"), 3, "OverlapInsufficient", "shares too little"),
         (("--root", "rear"), 2, "UsageError", "no pair 'rear'"),
         (("--out", "taken.json"), 2, "UsageError", "such a file already"),
     ],
@@ -66,7 +68,7 @@ def test_what_is_not_known_is_refused_and_writes_nothing(
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     (tmp_path / "taken.json").write_text("mine")
-    flags = (*flags, "--overlap.worst-shift-m", "0.01", "--json", "--no-check")
+    flags = (*flags, "--trust.worst-shift-m", "0.01", "--json", "--no-check")
     assert cli.main(["align", str(street), *flags]) == code
     error = json.loads(capsys.readouterr().out)["error"]
     assert error["code"] == kind
@@ -82,6 +84,39 @@ def test_a_single_pair_is_no_body(
     assert cli.main([*args, "--out", str(tmp_path / "rig.json")]) == 3
     assert "NoPairs" in capsys.readouterr().err
     assert cli.main(["align", "synthetic:street", "--out", str(tmp_path / "rig.json")]) == 3
+
+
+def test_places_from_a_board_that_is_held_up_to_two_pairs_at_a_time(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, out = tmp_path / "boards", tmp_path / "rig.json"
+    write_body_file(folder)
+    for at, (neighbour, bearing_deg) in enumerate(BEARINGS_DEG.items()):
+        for number in range(3):
+            for name in ("front", neighbour):
+                pair = seen(held(bearing_deg, number), name, number)
+                for eye, picture in (("left", pair.left), ("right", pair.right)):
+                    path = folder / name / eye / f"{3 * at + number:06d}.png"
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    cv2.imwrite(str(path), picture)
+    args = ["align", str(folder), "--by", "shared-board", "--by.board", "chessboard:9x6"]
+    args += ["--by.square", str(SQUARE_M), "--out", str(out), "--no-check", "--json"]
+    assert cli.main(args) == 0
+    told = json.loads(capsys.readouterr().out)
+    found = read_body(out)
+    for name in ("left", "right"):
+        off_m, off_deg = off_by(found, name)
+        assert off_m < 0.01
+        assert off_deg < 0.25
+        assert told["pairs"][name]["matches"] == 3 * 54
+    assert cli.main([*args[:-4], "--by.square", "0", "--out", str(tmp_path / "a.json")]) == 2
+    assert "squares of 0 m" in capsys.readouterr().err
+
+
+def write_body_file(folder: Path) -> None:
+    folder.mkdir()
+    wrong = perturbed(body_rig(SCALE), turn_deg=2.0, shift_m=0.1, seed=7)
+    write_body(folder / "rig.json", wrong)
 
 
 @pytest.mark.slow
