@@ -119,7 +119,7 @@ def run(job: Refine) -> RefineReport:
     if not found.changed:
         return RefineReport(line, None, found, warnings, notes)
     own = raw_rig(source) or source.rig
-    origin = f"{own.origin or 'the rig of the source'}, refined on {line}"
+    origin = f"{own.origin or 'the rig of the source'}, refined on {source.summary.name}"
     previous = store_rig(job.out, replace(mounted(found.rig, source), origin=origin))
     return RefineReport(line, job.out, found, warnings, notes, previous)
 

@@ -310,7 +310,7 @@ def _kinds(frames: Sequence[ComparedFrame]) -> dict[str, int]:
 def _origin(source: FrameSource, frames: Sequence[ComparedFrame]) -> str:
     words = {"scan": "LiDAR scans", "truth": "ground truth"}
     kinds = " and ".join(words[kind] for kind, n in _kinds(frames).items() if n)
-    return f"{kinds} of {len(frames)} frames, {source.summary.line}"
+    return f"{kinds} of {len(frames)} frames of {source.summary.name}"
 
 
 def _on_frames_left_out(frames: Sequence[ComparedFrame]) -> Judged | None:

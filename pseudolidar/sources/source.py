@@ -57,6 +57,11 @@ class SourceSummary:
     turning_scans: bool = False
 
     @property
+    def name(self) -> str:
+        """What it is without how much of it, for the origin of what was made of it."""
+        return self.line.partition(": ")[0]
+
+    @property
     def lost(self) -> tuple[str, ...]:
         """Which of the notes tell of frames, or parts of them, that a damaged file held."""
         return tuple(note for note in self.notes if note.startswith(LOST))
