@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from pseudolidar.geometry.normals import normals_of_neighbours, normals_of_pixels
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.pose import Pose
@@ -77,6 +76,7 @@ class Sight:
             cloud: with `sigma_m`; with `uv`, where its pixels are those of one picture.
             settings: which points count.
         """
+        from pseudolidar.geometry.normals import normals_of_neighbours, normals_of_pixels
         from pseudolidar.geometry.voxels import best_of_voxel
 
         near = cloud.valid & (np.linalg.norm(cloud.xyz, axis=1) < settings.most_m)

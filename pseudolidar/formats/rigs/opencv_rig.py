@@ -139,7 +139,9 @@ def _rectified(
     if not t.any():
         return None
     path, where = fields.place("P", 1)
-    _check_q(fields, left, t, float(left[0, 2] - right[0, 2]))
+    # As in StereoRig.baseline_m: eyes that are not quite beside each other count at the centre.
+    along_rows = float(t[0] + t[2] * right[0, 2] / right[0, 0])
+    _check_q(fields, left, along_rows, float(left[0, 2] - right[0, 2]))
     checked_order(Pose.from_rotation(RIGHT, LEFT, np.eye(3), t), path=path, where=where)
     t_m = in_metres(t, unit, path=path, where=where)
     return StereoRig(
@@ -168,14 +170,14 @@ def _offset(P: Float64, fields: StereoFields, eye: int) -> Float64:
     return np.asarray(np.linalg.solve(P[:, :3], P[:, 3]), dtype=np.float64)
 
 
-def _check_q(fields: StereoFields, P: Float64, t: Float64, cx_difference: float) -> None:
+def _check_q(fields: StereoFields, P: Float64, baseline: float, cx_difference: float) -> None:
     """Refuse a Q that is of another rig than P1 and P2; its sign differs between programs."""
     Q = fields.matrix("Q", None, 4, 4)
     if Q is None:
         return
     got = np.array([-Q[0, 3], -Q[1, 3], Q[2, 3], abs(Q[3, 2]), abs(Q[3, 3])])
-    want = np.array([P[0, 2], P[1, 2], P[0, 0], abs(1 / t[0]), abs(cx_difference / t[0])])
-    scale = np.array([P[0, 0], P[1, 1], P[0, 0], abs(1 / t[0]), abs(P[0, 0] / t[0])])
+    want = np.array([P[0, 2], P[1, 2], P[0, 0], abs(1 / baseline), abs(cx_difference / baseline)])
+    scale = np.array([P[0, 0], P[1, 1], P[0, 0], abs(1 / baseline), abs(P[0, 0] / baseline)])
     names = ("cx", "cy", "f", "1 / baseline", "cx difference / baseline")
     for name, mine, theirs, size in zip(names, got, want, scale, strict=True):
         if abs(mine - theirs) > Q_TOLERANCE * size:
