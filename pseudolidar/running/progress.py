@@ -3,10 +3,31 @@
 from __future__ import annotations
 
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 
-class FrameProgress:
+class _Bar:
+    """What bars have in common: they are shown while the work is inside `with`."""
+
+    _progress: Progress
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._progress.stop()
+
+
+class FrameProgress(_Bar):
     """A bar with frames, rate, time left and skipped frames; nothing where nobody looks.
 
     Args:
@@ -22,18 +43,6 @@ class FrameProgress:
         self._progress = frame_bar()
         self._task = self._progress.add_task(what, total=total, completed=done, skipped="")
 
-    def __enter__(self) -> Self:
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._progress.stop()
-
     def advance(self) -> None:
         """One more frame is committed."""
         self._progress.advance(self._task)
@@ -44,7 +53,7 @@ class FrameProgress:
         self._progress.update(self._task, advance=1, skipped=f"{self._skipped} skipped")
 
 
-class ByteProgress:
+class ByteProgress(_Bar):
     """A bar with the bytes of a file; nothing where nobody looks.
 
     Args:
@@ -58,25 +67,13 @@ class ByteProgress:
         self._progress = byte_bar()
         self._task = self._progress.add_task(what, total=total)
 
-    def __enter__(self) -> Self:
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._progress.stop()
-
     def reached(self, position: int) -> None:
         """The work has come to this byte."""
         if not self._progress.disable:
             self._progress.update(self._task, completed=position)
 
 
-class TimeProgress:
+class TimeProgress(_Bar):
     """A bar with the time that is used up, and what was found so far; nothing where nobody looks.
 
     Args:
@@ -89,18 +86,6 @@ class TimeProgress:
 
         self._progress = time_bar()
         self._task = self._progress.add_task(what, total=seconds, said="")
-
-    def __enter__(self) -> Self:
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._progress.stop()
 
     def used(self, seconds: float, said: str) -> None:
         """So much is used up, and that is what there is to say."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pseudolidar.errors import SourceEmpty, SourceUnknown
+from pseudolidar.errors import SourceUnknown
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.video.kind import video_kind
 from pseudolidar.sources.bare_pairs import BarePairs, Pictures, ReadPair
@@ -98,14 +98,6 @@ class Films:
             tolerance_s=self.tolerance_s,
             files=(left.path, right.path),
         )
-        if not moments.ids:
-            raise SourceEmpty(
-                f"no frame of {len(left)} left and {len(right)} right ones has a partner: "
-                f"{moments.alone[0][1].got}",
-                want=f"frames within {moments.tolerance_ns / 1e6:.3g} ms",
-                fix=moments.alone[0][1].fix,
-                path=left.path,
-            )
 
         def read(number: int) -> tuple[Image, Image]:
             return (

@@ -6,22 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from pseudolidar.errors import PseudolidarError, SourceEmpty, SourceUnknown, UsageError
+from pseudolidar.errors import PseudolidarError
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.pictures.image import read_image
-from pseudolidar.sources.folder import seen_in
-from pseudolidar.sources.folder_layout import (
-    Layout,
-    explicit_layout,
-    find_layout,
-    pattern_layout,
-)
+from pseudolidar.sources.asked_layout import TOLERANCE_S, asked_layout
+from pseudolidar.sources.folder_layout import find_layout
 from pseudolidar.sources.names import safe_id
-from pseudolidar.sources.selection import FrameSelection
+from pseudolidar.sources.selection import FrameSelection, chosen_positions
 from pseudolidar.sources.source import SourceSummary
 from pseudolidar.structures.arrays import Image
 
-TOLERANCE_S = 0.01
 ReadPair = Callable[[int], tuple[Image, Image]]
 
 
@@ -78,14 +72,7 @@ class BarePairs:
             UsageError: an id that there is not, or nothing left.
         """
         names = tuple(name for name, _ in self.refused)
-        kept = set(range(len(self.ids)))
-        if frames is not None:
-            kept = frames.positions(self.ids, names)
-        if exclude is not None:
-            kept -= exclude.positions(self.ids, names)
-        if not kept:
-            raise UsageError("no pair is left", want="one or more", where="--frames, --exclude")
-        return self.at(sorted(kept))
+        return self.at(sorted(chosen_positions(self.ids, names, frames, exclude)))
 
     def at(self, positions: list[int]) -> BarePairs:
         """The pairs at some positions."""
@@ -128,7 +115,12 @@ class Pictures:
             SourceEmpty: no pairs in it.
             UsageError: one pattern without the other.
         """
-        layout = self._layout()
+        layout = asked_layout(
+            self.path,
+            self.right,
+            (self.left_pattern, self.right_pattern),
+            tolerance_s=self.tolerance_s,
+        )
         pairs = layout.pairing.pairs
 
         def read(number: int) -> tuple[Image, Image]:
@@ -149,26 +141,3 @@ class Pictures:
     def looks_like(cls, path: Path) -> bool:
         """Whether `path` holds pairs of pictures."""
         return path.is_dir() and find_layout(path, tolerance_s=TOLERANCE_S) is not None
-
-    def _layout(self) -> Layout:
-        folder = Path(self.path)
-        if not folder.is_dir():
-            raise SourceUnknown("no such folder", want="a folder of pictures", path=folder)
-        if (self.left_pattern is None) != (self.right_pattern is None):
-            raise UsageError("one pattern", want="a left pattern and a right one")
-        if self.left_pattern is not None and self.right_pattern is not None:
-            patterns = self.left_pattern, self.right_pattern
-            return pattern_layout(folder, *patterns, tolerance_s=self.tolerance_s)
-        if self.right is None:
-            layout = find_layout(folder, tolerance_s=self.tolerance_s)
-        else:
-            right = Path(self.right)
-            layout = explicit_layout(folder, right, tolerance_s=self.tolerance_s)
-        if layout is None:
-            raise SourceEmpty(
-                f"no pair of pictures among {seen_in(folder)}",
-                want="folders left and right, or names with left and right, _l and _r, im0 and im1",
-                fix="Name the pictures: --left-pattern 'a_*.png' --right-pattern 'b_*.png'.",
-                path=folder,
-            )
-        return layout

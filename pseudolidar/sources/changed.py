@@ -6,13 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Generic
 
-from pseudolidar.errors import PseudolidarError
+from pseudolidar.sources.over import SourceOver
 from pseudolidar.sources.source import AnyFrame, FrameSequence, SourceSummary
 from pseudolidar.structures.camera import StereoRig
 
 
 @dataclass(frozen=True, eq=False)
-class ChangedSource(Generic[AnyFrame]):
+class ChangedSource(SourceOver, Generic[AnyFrame]):
     """Another source, each frame of it passed through a function.
 
     Args:
@@ -40,21 +40,6 @@ class ChangedSource(Generic[AnyFrame]):
     def rig(self) -> StereoRig | None:
         """That of the source."""
         return self.source.rig
-
-    @property
-    def ids(self) -> tuple[str, ...]:
-        """Names of the frames."""
-        return self.source.ids
-
-    @property
-    def timestamps_ns(self) -> tuple[int, ...]:
-        """Times of the frames."""
-        return self.source.timestamps_ns
-
-    @property
-    def refused(self) -> tuple[tuple[str, PseudolidarError], ...]:
-        """Frames known to be unusable."""
-        return self.source.refused
 
     def load(self, index: int) -> AnyFrame:
         """Frame `index`, changed."""

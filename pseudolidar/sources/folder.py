@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pseudolidar.errors import PseudolidarError, SourceEmpty, SourceUnknown, UsageError
+from pseudolidar.errors import PseudolidarError
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.pictures.image import read_size
 from pseudolidar.formats.pictures.pair_mask import read_pair_mask
@@ -14,15 +14,9 @@ from pseudolidar.formats.rigs.rig_file import find_rig, read_any_rig
 from pseudolidar.formats.rigs.rig_json import missing_rig, rig_notes
 from pseudolidar.formats.rigs.rig_reading import Pictures, RigReading, RigUnit
 from pseudolidar.formats.time_table import read_time_table
+from pseudolidar.sources.asked_layout import TOLERANCE_S, asked_layout
 from pseudolidar.sources.folder_frames import FolderSource
-from pseudolidar.sources.folder_layout import (
-    Layout,
-    explicit_layout,
-    find_layout,
-    list_folders,
-    list_pictures,
-    pattern_layout,
-)
+from pseudolidar.sources.folder_layout import Layout, find_layout
 from pseudolidar.sources.names import safe_id
 from pseudolidar.sources.pairing import Pairing
 from pseudolidar.sources.picture_times import times_by_name
@@ -71,7 +65,7 @@ class Folders:
     right_pattern: str | None = None
     times: str | None = None
     rate_hz: float = 10.0
-    tolerance_s: float = 0.01
+    tolerance_s: float = TOLERANCE_S
     scale_calibration: bool = False
     rig_unit: RigUnit | None = None
     pictures: Pictures = "auto"
@@ -88,7 +82,12 @@ class Folders:
             CalibrationSizeMismatch: all pictures have another size than the rig.
             SequenceTime: the file of times does not fit.
         """
-        layout = self._layout()
+        layout = asked_layout(
+            self.path,
+            self.right,
+            (self.left_pattern, self.right_pattern),
+            tolerance_s=self.tolerance_s,
+        )
         pairing, times = _times(self, layout)
         layout = replace(layout, pairing=pairing)
         readings = _read_rigs(self, layout)
@@ -113,37 +112,6 @@ class Folders:
     def looks_like(cls, path: Path) -> bool:
         """Whether `path` holds pairs of pictures."""
         return find_layout(path, tolerance_s=cls.tolerance_s) is not None
-
-    def _layout(self) -> Layout:
-        folder = Path(self.path)
-        if not folder.is_dir():
-            raise SourceUnknown("no such folder", want="a folder of pictures", path=folder)
-        if (self.left_pattern is None) != (self.right_pattern is None):
-            raise UsageError("one pattern", want="a left pattern and a right one")
-        if self.left_pattern is not None and self.right_pattern is not None:
-            patterns = self.left_pattern, self.right_pattern
-            return pattern_layout(folder, *patterns, tolerance_s=self.tolerance_s)
-        if self.right is None:
-            layout = find_layout(folder, tolerance_s=self.tolerance_s)
-        else:
-            right = Path(self.right)
-            layout = explicit_layout(folder, right, tolerance_s=self.tolerance_s)
-        if layout is None:
-            raise SourceEmpty(
-                f"no pair of pictures among {seen_in(folder)}",
-                want="folders left and right, or names with left and right, _l and _r, im0 and im1",
-                fix="Name the pictures: --left-pattern 'a_*.png' --right-pattern 'b_*.png'.",
-                path=folder,
-            )
-        return layout
-
-
-def seen_in(folder: Path) -> str:
-    """What a folder holds, in a few words."""
-    pictures, folders = list_pictures(folder), list_folders(folder)
-    names = [f"{path.name}/" for path in folders[:4]] + [path.name for path in pictures[:4]]
-    examples = f" ({', '.join(names)}, ...)" if names else ""
-    return f"{len(pictures)} pictures and {len(folders)} folders{examples}"
 
 
 def _read_rigs(settings: Folders, layout: Layout) -> tuple[RigReading, ...]:

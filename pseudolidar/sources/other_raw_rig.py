@@ -6,10 +6,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, cast
 
-from pseudolidar.errors import CalibrationSizeMismatch, NotRectified, PseudolidarError
+from pseudolidar.errors import NotRectified
 from pseudolidar.formats.rigs.rig_file import read_any_rig
 from pseudolidar.formats.rigs.rig_json import rig_notes
 from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.sources.over import SourceOver
+from pseudolidar.sources.rig_size import fitting_rig
 from pseudolidar.sources.source import FrameSequence, SourceSummary
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import RawPair
@@ -47,16 +49,7 @@ def with_raw_rig(
             "source; or rectify the pictures first.",
             path=file,
         )
-    rig = reading.raw
-    if rig.left.size_px != size_px:
-        if not scale_calibration:
-            raise CalibrationSizeMismatch(
-                f"a rig for images of {rig.left.width_px}x{rig.left.height_px}",
-                want=f"{size_px[0]}x{size_px[1]}, the size of the images",
-                fix="Pass --scale-calibration if the images were resized, or the right rig.",
-                path=file,
-            )
-        rig = rig.scaled_to(*size_px)
+    rig = fitting_rig(reading.raw, size_px, scale_calibration=scale_calibration, path=file)
     own = source.rig
     mounted = rig
     if rig.metric:  # where lengths are no metres, nothing that is measured in them has a place
@@ -71,7 +64,7 @@ def with_raw_rig(
 
 
 @dataclass(frozen=True, eq=False)
-class RawRiggedSource:
+class RawRiggedSource(SourceOver):
     """A source of unrectified pairs with another rig.
 
     Args:
@@ -90,21 +83,6 @@ class RawRiggedSource:
         """What it is."""
         summary = self.source.summary
         return replace(summary, notes=(*summary.notes, *self.notes))
-
-    @property
-    def ids(self) -> tuple[str, ...]:
-        """Names of the frames."""
-        return self.source.ids
-
-    @property
-    def timestamps_ns(self) -> tuple[int, ...]:
-        """Times of the frames."""
-        return self.source.timestamps_ns
-
-    @property
-    def refused(self) -> tuple[tuple[str, PseudolidarError], ...]:
-        """Frames known to be unusable."""
-        return self.source.refused
 
     def load(self, index: int) -> RawPair:
         """Frame `index` with the given rig."""

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from pseudolidar.errors import CalibrationSizeMismatch, NotRectified, PseudolidarError
+from pseudolidar.errors import NotRectified
 from pseudolidar.formats.rigs.rig_file import read_any_rig
 from pseudolidar.formats.rigs.rig_json import rig_notes
 from pseudolidar.formats.rigs.rig_reading import RigUnit
@@ -20,8 +20,10 @@ from pseudolidar.sources.body import Body, with_rig_file
 from pseudolidar.sources.changed import ChangedSource
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.other_raw_rig import with_raw_rig
+from pseudolidar.sources.over import SourceOver
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.sources.rectified import Rectify, with_pairs_rectified
+from pseudolidar.sources.rig_size import fitting_rig
 from pseudolidar.sources.scans_put_right import Scans, with_scans_put_right
 from pseudolidar.sources.selection import SelectedSource
 from pseudolidar.sources.source import (
@@ -153,14 +155,12 @@ def with_rig(
             want="the rig of the rectified images that the source has",
             fix="Give the rectified rig.",
         )
-    size_px = source.rig.left.size_px
-    if not scale_calibration and rig.left.size_px != size_px:
-        raise _other_size(rig, size_px)
+    fitting_rig(rig, source.rig.left.size_px, scale_calibration=scale_calibration)
     return RiggedSource(source, rig, scale_calibration, _notes(source.rig, rig))
 
 
 @dataclass(frozen=True, eq=False)
-class RiggedSource:
+class RiggedSource(SourceOver):
     """A source with another rig.
 
     Args:
@@ -187,21 +187,6 @@ class RiggedSource:
         """The given rig on the source."""
         return self._on(self.source.rig)
 
-    @property
-    def ids(self) -> tuple[str, ...]:
-        """Names of the frames."""
-        return self.source.ids
-
-    @property
-    def timestamps_ns(self) -> tuple[int, ...]:
-        """Times of the frames."""
-        return self.source.timestamps_ns
-
-    @property
-    def refused(self) -> tuple[tuple[str, PseudolidarError], ...]:
-        """Frames known to be unusable."""
-        return self.source.refused
-
     def load(self, index: int) -> StereoFrame:
         """Frame `index` with the given rig.
 
@@ -213,11 +198,7 @@ class RiggedSource:
         return replace(frame, rig=rig, pose=_on_body(frame, rig))
 
     def _on(self, own: StereoRig) -> StereoRig:
-        rig = self.given
-        if rig.left.size_px != own.left.size_px:
-            if not self.scale_calibration:
-                raise _other_size(rig, own.left.size_px)
-            rig = rig.scaled_to(*own.left.size_px)
+        rig = fitting_rig(self.given, own.left.size_px, scale_calibration=self.scale_calibration)
         return replace(
             rig,
             T_left_velodyne=own.T_left_velodyne or rig.T_left_velodyne,
@@ -260,11 +241,3 @@ def _notes(own: StereoRig, given: StereoRig) -> tuple[str, ...]:
     if None not in dates and dates[0] != dates[1]:
         notes.append(f"warning: the rig is of {dates[1]}, the source's calibration of {dates[0]}")
     return (*notes, *rig_notes(given))
-
-
-def _other_size(rig: StereoRig, size_px: tuple[int, int]) -> CalibrationSizeMismatch:
-    return CalibrationSizeMismatch(
-        f"a rig for images of {rig.left.width_px}x{rig.left.height_px}",
-        want=f"{size_px[0]}x{size_px[1]}, the size of the images",
-        fix="Pass --scale-calibration if the images were resized, or the right rig.",
-    )

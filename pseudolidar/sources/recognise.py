@@ -7,9 +7,10 @@ from pathlib import Path
 
 from pseudolidar.errors import SourceUnknown
 from pseudolidar.formats.recordings.kinds import recordings_in
+from pseudolidar.sources.asked_layout import seen_in
 from pseudolidar.sources.body import Body
 from pseudolidar.sources.cloud_files import CloudFiles
-from pseudolidar.sources.folder import Folders, seen_in
+from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.kitti.extract import KittiExtract
 from pseudolidar.sources.kitti.object import KittiObject
 from pseudolidar.sources.kitti.odometry import KittiOdometry

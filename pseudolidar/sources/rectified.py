@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pseudolidar.errors import PseudolidarError
 from pseudolidar.formats.rigs.rig_json import rig_text
 from pseudolidar.formats.rigs.rig_reading import Pictures
 from pseudolidar.geometry.frames import BASE_LINK, left_in_base_link
@@ -22,6 +21,7 @@ from pseudolidar.geometry.rectification import (
 from pseudolidar.geometry.rectified_pixels import PairMaps
 from pseudolidar.geometry.virtual_views import virtual_views
 from pseudolidar.sources.changed import ChangedSource
+from pseudolidar.sources.over import SourceOver
 from pseudolidar.sources.selection import SelectedSource
 from pseudolidar.sources.source import FrameSequence, SourceSummary
 from pseudolidar.sources.swapped import swapped
@@ -145,7 +145,7 @@ def raw_rig(source: FrameSequence[HeldFrame]) -> StereoRig | None:
 
 
 @dataclass(frozen=True, eq=False)
-class RectifiedSource:
+class RectifiedSource(SourceOver):
     """A source whose unrectified pairs are rectified as they load.
 
     Args:
@@ -187,21 +187,6 @@ class RectifiedSource:
             name_of_view(number): replace(self, rig=plan.rig, view=number)
             for number, plan in enumerate(plans)
         }
-
-    @property
-    def ids(self) -> tuple[str, ...]:
-        """Names of the frames."""
-        return self.source.ids
-
-    @property
-    def timestamps_ns(self) -> tuple[int, ...]:
-        """Times of the frames."""
-        return self.source.timestamps_ns
-
-    @property
-    def refused(self) -> tuple[tuple[str, PseudolidarError], ...]:
-        """Frames known to be unusable."""
-        return self.source.refused
 
     def load(self, index: int) -> Frame:
         """Frame `index`, rectified."""

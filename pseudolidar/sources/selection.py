@@ -96,21 +96,46 @@ def select(
     if frames is None and exclude is None:
         return source
     ids, names = source.ids, tuple(name for name, _ in source.refused)
-    chosen = set(range(len(ids))) if frames is None else frames.positions(ids, names)
     refused = set(names) if frames is None else frames.refused_ids(ids, names)
     if exclude is not None:
-        chosen -= exclude.positions(ids, names)
         refused -= exclude.refused_ids(ids, names)
-    if not chosen and not refused:
-        raise UsageError(
-            f"no frame of {len(ids)} is left by the selection",
-            want=f"positions 0 to {len(ids) - 1}, or ids such as {ids[0]!r}" if ids else "",
-        )
+    chosen = chosen_positions(ids, names, frames, exclude, empty=bool(refused))
     return SelectedSource(
         source,
         tuple(sorted(chosen)),
         tuple((name, error) for name, error in source.refused if name in refused),
     )
+
+
+def chosen_positions(
+    ids: Sequence[str],
+    refused: Sequence[str],
+    frames: FrameSelection | None,
+    exclude: FrameSelection | None,
+    *,
+    empty: bool = False,
+) -> set[int]:
+    """Positions in `ids` of `frames` without `exclude`.
+
+    Args:
+        ids: names of the frames.
+        refused: names of frames that may be named, but cannot be used.
+        frames: these; None for all.
+        exclude: not these; None for none of them.
+        empty: whether nothing left is an answer.
+
+    Raises:
+        UsageError: an unknown id, or no frame is left.
+    """
+    chosen = set(range(len(ids))) if frames is None else frames.positions(ids, refused)
+    if exclude is not None:
+        chosen -= exclude.positions(ids, refused)
+    if not chosen and not empty:
+        raise UsageError(
+            f"no frame of {len(ids)} is left by the selection",
+            want=f"positions 0 to {len(ids) - 1}, or ids such as {ids[0]!r}" if ids else "",
+        )
+    return chosen
 
 
 def whole(source: FrameSequence[AnyFrame]) -> FrameSequence[AnyFrame]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from pseudolidar.errors import CalibrationSizeMismatch, PairMismatch, SourceUnknown
+from pseudolidar.errors import PairMismatch, SourceUnknown
+from pseudolidar.sources.rig_size import fitting_rig
 from pseudolidar.structures.arrays import Image
 from pseudolidar.structures.camera import StereoRig
 
@@ -138,23 +138,6 @@ def _layout_by_size(video: VideoFile, rig: StereoRig, scale_calibration: bool) -
 
 def _is_near(ratio: float, wanted: float) -> bool:
     return abs(ratio / wanted - 1) < ASPECT_TOLERANCE
-
-
-def fitting_rig(
-    rig: StereoRig, eye_px: tuple[int, int], *, scale_calibration: bool, path: Path
-) -> StereoRig:
-    """The rig for eyes of (width, height) `eye_px`, scaled to them where that is wanted.
-
-    Raises:
-        CalibrationSizeMismatch: it is for another size.
-    """
-    if scale_calibration and rig.left.size_px != eye_px:
-        return rig.scaled_to(*eye_px)
-    try:
-        rig.check_size(*eye_px)
-    except CalibrationSizeMismatch as error:
-        raise error.located(path) from None
-    return rig
 
 
 def size_text(video: VideoFile) -> str:

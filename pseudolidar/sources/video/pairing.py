@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pseudolidar.errors import ImageMissing, PseudolidarError
+from pseudolidar.errors import ImageMissing, PseudolidarError, SourceEmpty
 from pseudolidar.formats.video.kind import EXTENSIONS, video_kind
 from pseudolidar.sources.names import natural_key
 from pseudolidar.sources.pairing import FOLDER_NUMBERS, LETTERS, NUMBERED, WORDS
@@ -84,6 +84,9 @@ def pair_moments(
         right_ns: of the right frames, by the same clock.
         tolerance_s: largest difference; None for a quarter of a frame's interval, at most 10 ms.
         files: left and right video, for errors.
+
+    Raises:
+        SourceEmpty: no two frames are of one moment.
     """
     left, right = np.array(left_ns, np.int64), np.array(right_ns, np.int64)
     tolerance_ns = _tolerance_ns(left, right) if tolerance_s is None else round(tolerance_s * 1e9)
@@ -105,6 +108,15 @@ def pair_moments(
         (names[len(left) + k], _alone(files, "left", right[j], left[to_left[j]], tolerance_ns))
         for k, j in enumerate(lonely_right)
     ]
+    if not paired.any():
+        nearest = alone[0][1]
+        raise SourceEmpty(
+            f"no frame of {len(left)} left and {len(right)} right ones has a partner: "
+            f"{nearest.got}",
+            want=f"frames within {tolerance_ns / 1e6:.3g} ms",
+            fix=nearest.fix,
+            path=files[0],
+        )
     return Moments(
         left=own[paired],
         right=partner,

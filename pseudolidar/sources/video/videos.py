@@ -12,7 +12,6 @@ import numpy as np
 from pseudolidar.errors import (
     PairMismatch,
     PseudolidarError,
-    SourceEmpty,
     SourceUnknown,
     VideoDamaged,
 )
@@ -21,6 +20,7 @@ from pseudolidar.formats.rigs.rig_file import find_rig, read_any_rig
 from pseudolidar.formats.rigs.rig_json import missing_rig
 from pseudolidar.formats.rigs.rig_reading import Pictures, RigReading, RigUnit
 from pseudolidar.formats.video.kind import video_kind
+from pseudolidar.sources.rig_size import fitting_rig
 from pseudolidar.sources.source import SourceSummary
 from pseudolidar.sources.stamps import FrameTimes
 from pseudolidar.sources.video.clocks import VideoClocks
@@ -29,7 +29,6 @@ from pseudolidar.sources.video.packing import (
     Layout,
     Packing,
     find_packing,
-    fitting_rig,
     size_text,
 )
 from pseudolidar.sources.video.pairing import (
@@ -207,14 +206,6 @@ class Video:
             tolerance_s=self.tolerance_s,
             files=(left.path, right.path),
         )
-        if not moments.ids:
-            raise SourceEmpty(
-                f"no frame of {len(left)} left and {len(right)} right ones has a partner: "
-                f"{moments.alone[0][1].got}",
-                want=f"frames within {moments.tolerance_ns / 1e6:.3g} ms",
-                fix=moments.alone[0][1].fix,
-                path=left.path,
-            )
         times = clocks.of(left, moments.left)
         rig = fitting_rig(
             rig,
