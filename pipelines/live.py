@@ -47,6 +47,7 @@ from pseudolidar.running.run import Run
 from pseudolidar.running.stream import live_stream
 from pseudolidar.sources.capture.cameras import CameraSettings, Capture
 from pseudolidar.sources.capture.live_pairs import EveryInterval, LivePairs, OnRequest
+from pseudolidar.sources.rectified import Rectify
 from pseudolidar.sources.source import pairs_of, tell
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.clean import Clean
@@ -95,6 +96,7 @@ class Live:
             or in the folder that the command is called from.
         rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
         scale_calibration: scale the calibration where the cameras give another size.
+        rectify: how pictures of cameras that are not rectified become rectified ones.
         scale: size at which pairs are matched, of that of the pictures: 0.5 for small computers.
         realtime: play videos as if live.
         camera: how cameras are opened and paired.
@@ -136,6 +138,7 @@ class Live:
     rig: Path | None = None
     rig_unit: RigUnit | None = None
     scale_calibration: bool = False
+    rectify: Rectify = field(default_factory=Rectify)
     scale: float = 1.0
     realtime: Annotated[bool, RUN_ONLY] = False
     camera: Annotated[CameraSettings, RUN_ONLY] = field(default_factory=CameraSettings)
@@ -174,6 +177,13 @@ class Live:
                 " and ".join(f"--{name}" for name in choosing)
                 + ("" if self.capture else " without --capture DIR"),
                 want="--capture DIR with one of them, or neither",
+            )
+        if self.rectify.views != 1:
+            raise UsageError(
+                f"{self.rectify.views} views of live cameras",
+                want="1",
+                fix="Record first, --capture DIR --every, then convert the pairs.",
+                where="--rectify.views",
             )
         if self.to.trees:
             names = ", ".join(self.to.trees)

@@ -20,10 +20,10 @@ def with_rows_aligned(source: FrameSequence[AnyFrame]) -> FrameSequence[AnyFrame
     if source.rig is None or source.rig.rows is None:
         return source
     origin = source.rig.rows.origin or "of the rig"
-    return ChangedSource(source, f"rows of right pictures put right: {origin}", _aligned)
+    return ChangedSource(source, f"rows of right pictures put right: {origin}", aligned)
 
 
-def _aligned(frame: Any) -> Any:
+def aligned(frame: Any) -> Any:
     """A pair with its rows put right; anything else as it is."""
     if not isinstance(frame, StereoFrame) or frame.rig.rows is None:
         return frame

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -33,9 +34,14 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.mcap.log import frames_in, part_path
 from pseudolidar.formats.points.pcd import read_pcd
+from pseudolidar.formats.rigs.rig_json import read_rig
+from pseudolidar.formats.rigs.rig_json import write_rig as write_whole_rig
 from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.sources.capture.cameras import CameraSettings
 from pseudolidar.sources.recognise import recognise
+from pseudolidar.sources.rectified import Rectify
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.correction import RowCorrection
 from tests.cameras import (
     HEIGHT,
     RIG,
@@ -104,12 +110,28 @@ def journal_lines(out: Path) -> int:
 # --- the same as convert -------------------------------------------------------------------
 
 
-def test_the_clouds_are_those_of_convert(videos: Path, tmp_path: Path) -> None:
-    report = run(job(videos, tmp_path / "live"))
+def bent(rig: StereoRig) -> StereoRig:
+    """Lenses with a little distortion: the pictures are not rectified."""
+    lens = np.array([0.02, 0.0, 0.0, 0.0, 0.0])
+    left, right = (replace(camera, distortion=lens) for camera in (rig.left, rig.right))
+    return replace(rig, left=left, right=right)
+
+
+def uneven(rig: StereoRig) -> StereoRig:
+    """Right pictures lie half a row too low."""
+    return rig.with_rows(RowCorrection(0.5 * np.eye(9)[0], 0.1))
+
+
+@pytest.mark.parametrize("change", [lambda rig: rig, bent, uneven])
+def test_the_clouds_are_those_of_convert(videos: Path, tmp_path: Path, change) -> None:
+    write_whole_rig(tmp_path / "rig.json", change(read_rig(videos / "rig.json")))
+    rig = tmp_path / "rig.json"
+    report = run(job(videos, tmp_path / "live", rig=rig))
     assert report.exit_code == 0
-    convert(
-        Convert(recognise(str(videos)), tmp_path / "all", to=Outputs.parse("pcd,mcap"), check=False)
+    every = Convert(
+        recognise(str(videos)), tmp_path / "all", to=Outputs.parse("pcd"), rig=rig, check=False
     )
+    convert(every)
     names = [path.name for path in sorted((tmp_path / "all/pcd").iterdir())]
     assert [path.name for path in sorted((tmp_path / "live/pcd").iterdir())] == names
     assert len(names) == FRAMES
@@ -122,6 +144,9 @@ def test_the_clouds_are_those_of_convert(videos: Path, tmp_path: Path) -> None:
     assert live["frames"] == live["taken"] == FRAMES
     assert 0 < live["latency_p50_s"] <= live["latency_p95_s"]
     assert report.as_dict()["live"]["cameras"]["left"]["arrived"] == FRAMES
+    assert set(report_of(tmp_path / "live")["source"]["notes"]) <= set(
+        report_of(tmp_path / "all")["source"]["notes"]
+    )
 
 
 def test_who_is_too_slow_drops_pairs_and_writes_the_others_whole(
@@ -369,6 +394,7 @@ def test_swapped_cameras_are_named_before_anything_is_written(tmp_path: Path) ->
         {"frames_count": 0},
         {"every": 2.0},
         {"to": "kitti"},
+        {"rectify": Rectify(views=3)},
     ],
 )
 def test_settings_that_mean_nothing(videos: Path, tmp_path: Path, options: dict) -> None:

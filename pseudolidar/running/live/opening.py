@@ -8,19 +8,21 @@ from typing import Any, Protocol, cast, get_args
 from pseudolidar.formats.rigs.rig_file import find_rig, read_any_rig
 from pseudolidar.formats.rigs.rig_json import missing_rig
 from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit
+from pseudolidar.sources.aligned_rows import with_rows_aligned
 from pseudolidar.sources.bare_pairs import BarePair
 from pseudolidar.sources.capture.cameras import Cameras, CameraSettings, Capture
 from pseudolidar.sources.capture.eyes import (
     Bare,
+    Calibrated,
     Eyes,
-    Rectified,
     fitting,
     layout_by_size,
 )
 from pseudolidar.sources.capture.live_pairs import LivePairs, Wanted
+from pseudolidar.sources.rectified import Rectify, with_pairs_rectified
 from pseudolidar.sources.source import SourceSummary
 from pseudolidar.sources.video.packing import AXES, Layout
-from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.frame import RawPair, StereoFrame
 
 KIND = "cameras"
 
@@ -59,6 +61,10 @@ class LiveSettings(Protocol):
     @property
     def scale(self) -> float:
         """Size at which pairs are matched."""
+
+    @property
+    def rectify(self) -> Rectify:
+        """How unrectified pairs become rectified ones."""
 
     @property
     def swap(self) -> bool:
@@ -107,7 +113,7 @@ def opened_pairs(job: LiveSettings, cameras: Capture) -> LivePairs[Any]:
     """The pairs of the cameras as a source, once they have shown a first picture.
 
     Raises:
-        CalibrationMissing, NotRectified: no usable rig.
+        CalibrationMissing: no rig.
         CalibrationSizeMismatch: the cameras give another size.
         CameraFault: one of them gives none.
     """
@@ -117,24 +123,25 @@ def opened_pairs(job: LiveSettings, cameras: Capture) -> LivePairs[Any]:
     picture_px = picture.width, picture.height
     layout = _layout(job)
     if layout is None and len(first.shots) == 1:
-        layout = layout_by_size(picture_px, reading.of_rectified.left.size_px)
+        layout = layout_by_size(picture_px, reading.of_pictures.left.size_px)
     eye_px = _eye_px(picture_px, layout)
     eyes = Eyes(layout, job.swap, job.scale)
     size_px = eyes.size_of(eye_px)
     packed = "" if layout is None else f", {layout}"
     scaled = "" if size_px == eye_px else "; matched at {}x{}".format(*size_px)
     line = "{}, {}x{} each{}{}".format(_names(cameras), *eye_px, packed, scaled)
-    summary = SourceSummary(KIND, job.left, f"cameras: {line}", notes=reading.notes)
-    rig = fitting(reading.of_rectified, eye_px, scale_calibration=job.scale_calibration)
+    rig = fitting(reading.of_pictures, eye_px, scale_calibration=job.scale_calibration)
     rig = rig if size_px == eye_px else rig.scaled_to(*size_px)
-    return LivePairs(
+    as_they_are: LivePairs[Any] = LivePairs(
         cameras,
-        Rectified(eyes, rig),
-        yields=StereoFrame,
-        summary=summary,
+        Calibrated(eyes, rig, job.rectify),
+        yields=StereoFrame if rig.is_rectified else RawPair,
+        summary=SourceSummary(KIND, job.left, f"cameras: {line}", notes=reading.notes),
         rig=rig,
         most=job.frames_count,
     )
+    source = with_rows_aligned(with_pairs_rectified(as_they_are, job.rectify))
+    return as_they_are.called(source.summary, StereoFrame, source.rig)
 
 
 def read_rig(job: LiveSettings) -> RigReading:
@@ -147,7 +154,7 @@ def read_rig(job: LiveSettings) -> RigReading:
     file = job.rig or find_rig(folder)
     if file is None:
         raise missing_rig(folder / "rig.json")
-    return read_any_rig(file, unit=job.rig_unit)
+    return read_any_rig(file, unit=job.rig_unit).taken_for(job.rectify.pictures)
 
 
 def _layout(job: LiveSettings) -> Layout | None:

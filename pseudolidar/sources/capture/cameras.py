@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Literal, Self
 
-from pseudolidar.errors import UsageError
+from pseudolidar.errors import CameraUnavailable, UsageError
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.sources.capture.address import CameraAddress
 from pseudolidar.sources.capture.camera_stream import Asked, CameraStream
@@ -133,8 +133,11 @@ class Cameras:
             CameraUnavailable: one is not there.
             UsageError: one is a file that is not to be played, or both are the same.
         """
-        texts = (self.left,) if self.right is None else (self.left, self.right)
-        addresses = tuple(CameraAddress.of(text, realtime=self.realtime) for text in texts)
+        addresses: tuple[CameraAddress, ...] = (
+            CameraAddress.of(self.left, realtime=self.realtime),
+        )
+        if self.right is not None:
+            addresses = (*addresses, self._right_address(self.right))
         if len({address.kind == "file" for address in addresses}) > 1:
             raise UsageError("a camera and a video", want="two cameras, or two videos")
         if len(set(addresses)) < len(addresses):
@@ -145,6 +148,13 @@ class Cameras:
                 path=addresses[0].place,
             )
         return Capture(addresses, self.settings)
+
+    def _right_address(self, text: str) -> CameraAddress:
+        try:
+            return CameraAddress.of(text, realtime=self.realtime)
+        except CameraUnavailable as error:
+            error.fix += " One camera with both eyes: `live CAM side-by-side OUT`."
+            raise
 
 
 class Capture:

@@ -6,13 +6,15 @@ from dataclasses import dataclass, field
 from typing import cast
 
 from pseudolidar.errors import CalibrationSizeMismatch, UsageError
+from pseudolidar.sources.aligned_rows import aligned
 from pseudolidar.sources.bare_pairs import BarePair
 from pseudolidar.sources.capture.live_pairs import Taken
 from pseudolidar.sources.capture.pair_buffer import ShotPair
+from pseudolidar.sources.rectified import Rectify, rectified
 from pseudolidar.sources.video.packing import Layout, split_eyes
 from pseudolidar.structures.arrays import Image
 from pseudolidar.structures.camera import StereoRig
-from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.frame import RawPair, StereoFrame
 
 
 @dataclass(frozen=True)
@@ -57,26 +59,32 @@ class Eyes:
 
 
 @dataclass(frozen=True)
-class Rectified:
-    """Makes rectified frames of cameras that deliver rectified pictures.
+class Calibrated:
+    """Makes frames of cameras whose calibration is known.
 
     Args:
         eyes: how left and right are found.
-        rig: of their size.
+        rig: of their size: of rectified pictures, or of pictures as the cameras take them.
+        rectify: how the latter are rectified.
     """
 
     eyes: Eyes
     rig: StereoRig = field(repr=False)
+    rectify: Rectify
 
     def __call__(self, taken: Taken) -> StereoFrame:
-        """The frame.
+        """The rectified frame, its rows put right where the rig says how.
 
         Raises:
             CalibrationSizeMismatch, PairMismatch: a picture of another size.
         """
         left, right, notes = self.eyes.pair(taken.shots)
-        time_ns = taken.shots.time_ns
-        return StereoFrame(left, right, self.rig, taken.id, taken.index, time_ns, notes=notes)
+        found = (left, right, self.rig, taken.id, taken.index, taken.shots.time_ns)
+        if self.rig.is_rectified:
+            frame: StereoFrame = aligned(StereoFrame(*found, notes=notes))
+        else:
+            frame = aligned(rectified(RawPair(*found, notes=notes), self.rectify))
+        return frame
 
 
 @dataclass(frozen=True)

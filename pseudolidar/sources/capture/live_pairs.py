@@ -6,7 +6,7 @@ import copy
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, Self, TypeVar
 
 from pseudolidar.errors import CaptureEnded, PseudolidarError
 from pseudolidar.formats.timestamps import NS_PER_S
@@ -100,6 +100,11 @@ class LivePairs(Generic[Made]):
         self._turn = threading.Condition()
         self._end: PseudolidarError | None = None
         self._taken_ns: dict[int, int] = {}
+
+    def called(self, summary: SourceSummary, yields: type[Made], rig: StereoRig | None) -> Self:
+        """The same under another name: what it makes is told in other words."""
+        self.summary, self.yields, self.rig = summary, yields, rig
+        return self
 
     def go_on_after(self, frames: int) -> None:
         """Number the frames after those that an earlier run has made."""
