@@ -14,7 +14,7 @@ from pseudolidar.calibration.boards.coverage import Coverage
 from pseudolidar.calibration.boards.find import find_board
 from pseudolidar.geometry.grey import grey8_of
 from pseudolidar.sources.capture.eyes import Eyes
-from pseudolidar.sources.capture.pair_buffer import ShotPair
+from pseudolidar.sources.capture.shots import ShotPair
 from pseudolidar.structures.arrays import Image, UInt8
 
 _log = logging.getLogger(__name__)

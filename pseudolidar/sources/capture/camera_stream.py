@@ -27,8 +27,8 @@ from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.formats.video.index import BARE_STREAMS, open_video, quiet_libav
 from pseudolidar.formats.video.packets import WholeFrames
 from pseudolidar.sources.capture.address import CameraAddress
-from pseudolidar.sources.capture.pair_buffer import Shot
 from pseudolidar.sources.capture.pipe import PipeReader
+from pseudolidar.sources.capture.shots import Shot
 from pseudolidar.sources.capture.stamps import Clock
 
 V4L2 = "v4l2"

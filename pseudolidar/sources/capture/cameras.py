@@ -16,7 +16,8 @@ from pseudolidar.sources.capture.address import CameraAddress
 from pseudolidar.sources.capture.camera_stream import Asked, CameraStream
 from pseudolidar.sources.capture.counts import CaptureCounts
 from pseudolidar.sources.capture.grabber import Grabber
-from pseudolidar.sources.capture.pair_buffer import PairBuffer, ShotPair
+from pseudolidar.sources.capture.pair_buffer import PairBuffer
+from pseudolidar.sources.capture.shots import ShotPair
 from pseudolidar.sources.capture.stamps import (
     ArrivalClock,
     Clock,

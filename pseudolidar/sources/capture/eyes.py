@@ -9,7 +9,7 @@ from pseudolidar.errors import CalibrationSizeMismatch, UsageError
 from pseudolidar.sources.aligned_rows import aligned
 from pseudolidar.sources.bare_pairs import BarePair
 from pseudolidar.sources.capture.live_pairs import Taken
-from pseudolidar.sources.capture.pair_buffer import ShotPair
+from pseudolidar.sources.capture.shots import ShotPair
 from pseudolidar.sources.rectified import Rectify, rectified
 from pseudolidar.sources.video.packing import Layout, split_eyes
 from pseudolidar.structures.arrays import Image

@@ -11,7 +11,7 @@ from typing import Generic, Self, TypeVar
 from pseudolidar.errors import CaptureEnded, PseudolidarError
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.sources.capture.cameras import Capture
-from pseudolidar.sources.capture.pair_buffer import ShotPair
+from pseudolidar.sources.capture.shots import ShotPair
 from pseudolidar.sources.source import SourceSummary
 from pseudolidar.structures.camera import StereoRig
 

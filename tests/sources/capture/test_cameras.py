@@ -22,7 +22,7 @@ from pseudolidar.errors import (
 from pseudolidar.formats.video.pixels import to_pixels
 from pseudolidar.sources.capture.address import CameraAddress
 from pseudolidar.sources.capture.cameras import Cameras, CameraSettings, Capture, PictureSize
-from pseudolidar.sources.capture.pair_buffer import ShotPair
+from pseudolidar.sources.capture.shots import ShotPair
 from tests.cameras import MJPEG, damaged, eyes, number_of, write_eyes, writer
 from tests.sources.capture.test_pair_buffer import adds_up
 from tests.videos import H264, decoded, pictures, write_video

@@ -11,7 +11,9 @@ import pytest
 
 from pseudolidar.errors import CameraStalled, CaptureEnded, EyesApart, VideoDamaged
 from pseudolidar.sources.capture.counts import CaptureCounts
-from pseudolidar.sources.capture.pair_buffer import MOST_WAITING, PairBuffer, Shot
+from pseudolidar.sources.capture.eye_pairing import MOST_WAITING
+from pseudolidar.sources.capture.pair_buffer import PairBuffer
+from pseudolidar.sources.capture.shots import Shot
 from pseudolidar.sources.capture.stamps import Stamp
 
 MS = 1_000_000
