@@ -8,11 +8,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, cast, get_args
 
-from pseudolidar.errors import EnvironmentFault, PseudolidarError, SourceUnknown, UsageError
+from pseudolidar.errors import UsageError
 from pseudolidar.evaluation.compared import against_scan, against_truth
 from pseudolidar.evaluation.comparison.bins import DEFAULT_BINS, DepthBins
 from pseudolidar.evaluation.comparison.comparison import compare_frames
-from pseudolidar.evaluation.comparison.pooled import PointPool
 from pseudolidar.formats.mcap.content import McapContent
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.running.apart import check_apart, paths_read
@@ -20,6 +19,7 @@ from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.comparing.cloud_of_pair import distances_of
 from pseudolidar.running.comparing.clouds import OWN_SCANS, holds_clouds, other_clouds
 from pseudolidar.running.comparing.compared_clouds import compared_clouds
+from pseudolidar.running.comparing.compared_drives import compared_drives
 from pseudolidar.running.comparing.drives import Drives, drives_below, recognise_drives
 from pseudolidar.running.comparing.gathered import (
     AGAINST,
@@ -340,32 +340,19 @@ def run_all(job: Compare) -> DrivesReport:
         )
     if job.out is not None:
         check_results(job.out, result_settings(job), overwrite=job.overwrite)
-    pool = PointPool(job.bins, most=MAX_POINTS)
-    reports, failed = dict[str, ComparisonReport](), dict[str, PseudolidarError]()
-    for drive in drives_below(job.source):
-        _log.info("drive: %s", drive.name)
-        try:
-            if drive.source is None:
-                raise drive.error or SourceUnknown(drive.name)
-            out = None if job.out is None else job.out / drive.name
-            one = replace(job, source=drive.source, out=out, all=False)
-            report = run_pairs(one, pairs_of(opened(one)))
-            pool.add(report.comparison)
-            reports[drive.name] = report.without_points()
-        except (EnvironmentFault, UsageError):
-            raise
-        except PseudolidarError as error:
-            failed[drive.name] = error
-    if not reports:
-        raise next(iter(failed.values()))
-    comparisons = {name: report.comparison for name, report in reports.items()}
-    every = DrivesReport(reports, failed, pool.figures())
+
+    def compared(drive: str, source: Source) -> ComparisonReport:
+        out = None if job.out is None else job.out / drive
+        one = replace(job, source=source, out=out, all=False)
+        return run_pairs(one, pairs_of(opened(one)))
+
+    every = compared_drives(drives_below(job.source), compared, job.bins, most=MAX_POINTS)
     if job.out is None:
         return every
     facts = {"settings": result_settings(job), **every.facts}
     settings = {"folder": str(job.source.path), "disparities": job.matched_by}
     page = write_drives_page(job.out, every, settings=settings)
-    files = write_comparison(job.out, drives_csv(comparisons, every.every), facts)
+    files = write_comparison(job.out, drives_csv(every.comparisons, every.every), facts)
     return replace(every, files=[*files, page])
 
 

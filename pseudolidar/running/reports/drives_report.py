@@ -32,6 +32,11 @@ class DrivesReport:
     files: Sequence[Path] = ()
 
     @property
+    def comparisons(self) -> Mapping[str, Comparison]:
+        """The figures of every drive."""
+        return {name: report.comparison for name, report in self.reports.items()}
+
+    @property
     def exit_code(self) -> int:
         """0 all done, 4 where drives or frames were left out."""
         bad = any(report.exit_code for report in self.reports.values())
