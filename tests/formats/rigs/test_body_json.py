@@ -28,13 +28,8 @@ from pseudolidar.formats.rigs.rig_json import rig_schema
 from pseudolidar.structures.body import BodyRig, MountedPair
 from pseudolidar.structures.pose import Pose
 from tests.body_rigs import body_rig
-from tests.formats.rigs.test_rig_json import (
-    assert_same,
-    assert_same_quality,
-    full_rig,
-    known_quality,
-    rotation,
-)
+from tests.formats.rigs.test_rig_json import assert_same, full_rig, rotation
+from tests.formats.rigs.test_rig_quality import assert_same_quality, known_quality
 
 
 def full_body() -> BodyRig:

@@ -255,7 +255,8 @@ def test_a_name_without_a_form_asks_for_it(name: str) -> None:
 
 
 def test_what_a_form_does_not_hold_is_said(tmp_path: Path) -> None:
-    from tests.formats.rigs.test_rig_json import full_rig, known_quality
+    from tests.formats.rigs.test_rig_json import full_rig
+    from tests.formats.rigs.test_rig_quality import known_quality
 
     rig = replace(full_rig(rectified=True), quality=known_quality())
     rig = replace(rig, right=replace(rig.right, K=rig.left.K))
