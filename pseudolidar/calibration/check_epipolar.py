@@ -21,6 +21,7 @@ from functools import cached_property
 import numpy as np
 
 from pseudolidar.calibration.check_matches import PairMatches
+from pseudolidar.geometry.robust import robust_sigma
 from pseudolidar.structures.arrays import Bool, Float64
 from pseudolidar.structures.camera import StereoRig
 
@@ -189,4 +190,4 @@ def _cost(residuals: Float64) -> Float64:
 
 def _noise_px(residuals: Float64) -> float:
     near = np.abs(residuals)[np.abs(residuals) < NOISE_GATE_PX]
-    return max(LEAST_NOISE_PX, 1.4826 * float(np.median(near))) if len(near) else NOISE_GATE_PX
+    return max(LEAST_NOISE_PX, robust_sigma(near)) if len(near) else NOISE_GATE_PX

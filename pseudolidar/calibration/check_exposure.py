@@ -7,6 +7,7 @@ import numpy as np
 from pseudolidar.calibration.check_finding import Finding
 from pseudolidar.calibration.check_matches import PairMatches
 from pseudolidar.geometry.photometric import PhotometricDifference, fit_difference
+from pseudolidar.geometry.robust import robust_sigma
 from pseudolidar.structures.arrays import Bool, Float64, Image
 
 EXPOSURE = "exposure"
@@ -110,7 +111,7 @@ def gain_offset(left: Float64, right: Float64) -> tuple[float, float]:
         gain = (yy - xx + float(np.hypot(yy - xx, 2 * xy))) / (2 * xy)
         offset = y - gain * x
         residuals = right - gain * left - offset
-        sigma = max(1.0, 1.4826 * float(np.median(np.abs(residuals))))
+        sigma = max(1.0, robust_sigma(residuals))
         weights = 1.0 / (1.0 + (residuals / sigma) ** 2)
     return gain, offset
 

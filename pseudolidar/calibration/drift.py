@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.calibration.check_matches import PairMatches
+from pseudolidar.geometry.robust import robust_sigma
 from pseudolidar.geometry.twists import exp_twist
 from pseudolidar.structures.arrays import Bool, Float64, Int64, check_array
 from pseudolidar.structures.camera import StereoRig
@@ -188,7 +189,7 @@ def _step(seen: _Seen, fitted: Float64) -> tuple[Float64, Float64, Float64]:
         ],
         axis=1,
     )
-    noise_px = max(LEAST_NOISE_PX, 1.4826 * float(np.median(np.abs(off_px))))
+    noise_px = max(LEAST_NOISE_PX, robust_sigma(off_px))
     weight = 1.0 / (1.0 + (off_px / noise_px) ** 2)
     scores = J * (weight * off_px)[:, None]
     normal = J.T @ (weight[:, None] * J)

@@ -12,6 +12,7 @@ import numpy as np
 from pseudolidar.errors import CalibrationValue, UsageError
 from pseudolidar.geometry.lens import Lens
 from pseudolidar.geometry.rectification import Rectification
+from pseudolidar.geometry.robust import robust_sigma
 from pseudolidar.structures.arrays import Float32, Float64
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.disparity import DisparityMap
@@ -174,7 +175,7 @@ def _typical(values: Float32, least: int, known: KnownDistance) -> tuple[float, 
             where="known_distance",
         )
     middle = float(np.median(found))
-    return middle, 1.4826 * float(np.median(np.abs(found - middle)))
+    return middle, robust_sigma(found - middle)
 
 
 def _place(rig: StereoRig, at: Float64, d: float) -> Float64:

@@ -16,6 +16,7 @@ import numpy as np
 
 from pseudolidar.calibration.motion_offset import MotionOffset, shape_of
 from pseudolidar.errors import MotionInsufficient
+from pseudolidar.geometry.robust import robust_sigma
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import UNREFINED_SIGMA_PX, StereoRig
 from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
@@ -28,8 +29,6 @@ SURVEY_REL = 0.002
 # A scale less sure than this is no better than that of the rig; one further off than this is no
 # error of a calibration, but poses in another unit or of another thing.
 MOST_UNSURE_REL, LARGEST_REL = 0.01, 0.05
-# Standard deviation from the median absolute deviation, of a normal distribution.
-PER_MAD = 1.4826
 # What offset, bend and scale leave of a rig, px: 0.17 on other frames of KITTI stereo 2015.
 LEFT_PX = 0.2
 
@@ -174,7 +173,7 @@ def _by_poses(
     ratios = np.array([float(np.linalg.norm(T[:3, 3])) for T in surveyed]) / lengths_m
     factor = float(np.median(ratios))
     blocks = max(3.0, len(ratios) / gap)
-    spread = PER_MAD * float(np.median(np.abs(ratios - factor)))
+    spread = robust_sigma(ratios - factor)
     wider = student.ppf((1 + ONE_SIGMA_SHARE) / 2, blocks - 1)
     sigma_rel = float(np.hypot(spread * wider / np.sqrt(blocks), SURVEY_REL))
     by_shape = np.median(-ratios[:, None] * found.length_by_shape / lengths_m[:, None], axis=0)

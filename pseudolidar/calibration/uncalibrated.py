@@ -27,6 +27,7 @@ import numpy as np
 
 from pseudolidar.calibration.check_matches import PairMatches
 from pseudolidar.errors import CalibrationValue, PairSwapped
+from pseudolidar.geometry.robust import robust_sigma
 from pseudolidar.geometry.twists import exp_twist
 from pseudolidar.structures.arrays import Bool, Float64
 from pseudolidar.structures.camera import Camera, StereoRig
@@ -208,7 +209,7 @@ class _Solver:
             f_scale=NOISE_PX,
             x_scale=np.full(5, 0.01),
         )
-        noise_px = 1.4826 * float(np.median(np.abs(found.fun)))
+        noise_px = robust_sigma(found.fun)
         J = np.asarray(found.jac, np.float64)
         covariance = np.linalg.pinv(J.T @ J) * noise_px**2 * CLUMP
         differ = np.array([-1.0, 0, 0, 1, 0])

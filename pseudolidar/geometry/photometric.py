@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pseudolidar.geometry.robust import robust_sigma
 from pseudolidar.structures.arrays import Bool, Float32, Float64, Image
 
 # Levels nearer to either end of the range are clipped, or mostly noise; share of the range.
@@ -15,12 +16,14 @@ CLIPPED = 0.02
 BRIGHTEST, DARKEST = 0.88, 0.04
 # Pixels that a difference is fitted to: more tell nothing new.
 MOST_POINTS, LEAST_POINTS = 1_500, 40
-ROUNDS = 6
+# How often weights are found anew; a pixel's logarithm is never surer than this.
+ROUNDS, LEAST_NOISE = 6, 0.01
 # Where an eye is clipped is known to so much.
 CERTAINLY = 0.97
 # Where the pictures hold one brightness only, gamma and vignetting are taken for none: this is how
 # much they are expected to differ (one standard deviation), against `NOISE` of a pixel's logarithm.
 EXPECTED, NOISE = 0.3, 0.05
+PRIOR = (NOISE / EXPECTED) ** 2
 # Brightnesses, as shares of the range, and squared radii by which a difference is judged.
 JUDGED_LEVELS, JUDGED_RADII = (0.15, 0.35, 0.55, 0.75), (0.0, 0.5)
 
@@ -34,8 +37,6 @@ class PhotometricDifference:
         gamma: exponent, the same for all channels; 1 where the eyes have one curve.
         vignetting: logarithm of the light that the right eye gains towards a corner against the
             left one; negative where its corners are darker.
-        points: that it was fitted to.
-        residual: median absolute difference that is left, as a share of the brightness.
 
     Values are shares of the range, 0 to 1; rho is 0 in the middle and 1 in a corner.
     """
@@ -43,8 +44,6 @@ class PhotometricDifference:
     gain: tuple[float, ...]
     gamma: float
     vignetting: float
-    points: int
-    residual: float
 
     def seen(self, level: float, radius2: float = 0.0) -> Float64:
         """(C,) the right eye's value of a left one."""
@@ -64,16 +63,6 @@ class PhotometricDifference:
             for level in JUDGED_LEVELS
             for radius2 in JUDGED_RADII
         )
-
-    @property
-    def brightness(self) -> float:
-        """What the right picture is times as bright as, at middle grey: the median channel."""
-        return float(np.median(self.seen(0.5)) / 0.5)
-
-    @property
-    def cast(self) -> float:
-        """Ratio of the brightest channel to the darkest; 1 without a colour cast."""
-        return float(max(self.gain) / min(self.gain))
 
     def undone(self, right: Image) -> Image:
         """The right picture as the left eye would have taken it, of the same kind.
@@ -148,10 +137,8 @@ def _fitted(left: Float64, right: Float64, radius2: Float64, points: Bool) -> Ph
     gamma, _ = _slopes(x, y, rho2)
     backwards, _ = _slopes(y, x, rho2)
     gamma = float(np.sqrt(gamma / backwards)) if min(gamma, backwards) > 0 else 1.0
-    (gains, vignetting), residual = _levels(y - gamma * x, rho2)
-    return PhotometricDifference(
-        tuple(float(g) for g in np.exp(gains)), gamma, vignetting, len(chosen), residual
-    )
+    gains, vignetting = _levels(y - gamma * x, rho2)
+    return PhotometricDifference(tuple(float(g) for g in np.exp(gains)), gamma, vignetting)
 
 
 def _slopes(x: Float64, y: Float64, rho2: Float64) -> tuple[float, float]:
@@ -159,7 +146,6 @@ def _slopes(x: Float64, y: Float64, rho2: Float64) -> tuple[float, float]:
     n, channels = x.shape
     vignetting = np.repeat(rho2[:, None], channels, axis=1)
     weights = np.ones((n, channels))
-    prior = (NOISE / EXPECTED) ** 2
     slope, bend = 1.0, 0.0
     for _ in range(ROUNDS):
         total = weights.sum(0)
@@ -168,8 +154,8 @@ def _slopes(x: Float64, y: Float64, rho2: Float64) -> tuple[float, float]:
         c = c - a  # the slope's difference from 1 is what the prior is about
         normal = np.array(
             [
-                [(weights * a * a).sum() + prior, (weights * a * b).sum()],
-                [(weights * a * b).sum(), (weights * b * b).sum() + prior],
+                [(weights * a * a).sum() + PRIOR, (weights * a * b).sum()],
+                [(weights * a * b).sum(), (weights * b * b).sum() + PRIOR],
             ]
         )
         right = np.array([(weights * a * c).sum(), (weights * b * c).sum()])
@@ -179,7 +165,7 @@ def _slopes(x: Float64, y: Float64, rho2: Float64) -> tuple[float, float]:
     return slope, bend
 
 
-def _levels(rest: Float64, rho2: Float64) -> tuple[tuple[Float64, float], float]:
+def _levels(rest: Float64, rho2: Float64) -> tuple[Float64, float]:
     """(C,) level of each channel and the common vignetting of rest = a_c + vignetting rho^2."""
     weights = np.ones_like(rest)
     levels, bend = np.median(rest, axis=0), 0.0
@@ -187,14 +173,13 @@ def _levels(rest: Float64, rho2: Float64) -> tuple[tuple[Float64, float], float]
         total = weights.sum(0)
         b = rho2[:, None] - (weights * rho2[:, None]).sum(0) / total
         c = rest - (weights * rest).sum(0) / total
-        bend = float((weights * b * c).sum() / ((weights * b * b).sum() + (NOISE / EXPECTED) ** 2))
+        bend = float((weights * b * c).sum() / ((weights * b * b).sum() + PRIOR))
         levels = (weights * (rest - bend * rho2[:, None])).sum(0) / total
         weights = _weights(rest - levels - bend * rho2[:, None])
-    left = float(np.median(np.abs(rest - levels - bend * rho2[:, None])))
-    return (np.asarray(levels, np.float64), bend), left
+    return np.asarray(levels, np.float64), bend
 
 
 def _weights(residuals: Float64) -> Float64:
     """Cauchy weights, with the width that the residuals themselves have."""
-    sigma = max(0.01, 1.4826 * float(np.median(np.abs(residuals))))
+    sigma = max(LEAST_NOISE, robust_sigma(residuals))
     return np.asarray(1.0 / (1.0 + (residuals / sigma) ** 2))

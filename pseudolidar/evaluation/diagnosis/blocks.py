@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.evaluation.compared import ComparedFrame
+from pseudolidar.geometry.robust import robust_sigma
 from pseudolidar.structures.arrays import Float64, Int64
 
 # Blocks: columns and rows of the image, and disparities that grow by about 1.4.
@@ -17,8 +18,8 @@ BANDS_PX = (1.5, 2.5, 4.0, 6.0, 9.0, 13.0, 18.0, 26.0, 36.0, 50.0, 72.0, 128.0)
 MIN_POINTS, ALIKE = 25, 15
 # How well the median of a block can be known at best: matchers prefer some fractions of a pixel.
 FLOOR_PX = 0.05
-# From a median absolute deviation to a standard deviation, and to that of a median.
-SIGMA_PER_MAD, MEDIAN_PER_MEAN = 1.4826, 1.2533
+# Standard deviation of a median by that of a mean, of a normal distribution: sqrt(pi / 2).
+MEDIAN_PER_MEAN = 1.2533
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +79,7 @@ def _blocks(frame: ComparedFrame, number: int) -> list[tuple[float, ...]]:
         if len(inside) < MIN_POINTS:
             continue
         median = float(np.median(error[inside]))
-        deviation = SIGMA_PER_MAD * float(np.median(np.abs(error[inside] - median)))
+        deviation = robust_sigma(error[inside] - median)
         sigma = np.hypot(FLOOR_PX, MEDIAN_PER_MEAN * deviation / np.sqrt(len(inside) / ALIKE))
         place = [float(np.median(column[inside])) for column in (u, v, reference)]
         slopes = [float(np.median(column[inside])) for column in (slope_u, slope_v)]

@@ -10,6 +10,7 @@ import numpy as np
 from pseudolidar.evaluation.diagnosis.blocks import ErrorBlocks
 from pseudolidar.evaluation.diagnosis.causes import CAUSES, Cause, Seen
 from pseudolidar.evaluation.diagnosis.effects import JointEffect
+from pseudolidar.geometry.robust import robust_sigma
 from pseudolidar.structures.arrays import Float64, Int64
 from pseudolidar.structures.camera import StereoRig
 
@@ -117,7 +118,7 @@ class CauseFits:
             root = np.sqrt(np.minimum(1.0, HUBER / np.maximum(off, HUBER)))
             found = np.linalg.lstsq(patterns * root[:, None], error * root, rcond=None)[0]
             sizes = found.astype(np.float64)
-            scale = max(1.0, 1.4826 * float(np.median(np.abs(error - patterns @ sizes))))
+            scale = max(1.0, robust_sigma(error - patterns @ sizes))
         return sizes
 
     def predicted(self, chosen: tuple[int, ...]) -> Float64:
