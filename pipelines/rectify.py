@@ -36,6 +36,7 @@ from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.rectified import Rectify, in_one_view, raw_rig
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, evenly_loaded, tell
+from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.image_size import ImageSize
 from pseudolidar.structures.recorded import Frame
@@ -240,7 +241,7 @@ def draw(path: Path, source: FrameSequence[Frame], looked: SourceCheck) -> None:
         write_atomic(path, encode_png(np.vstack(panels)))
 
 
-def row_text(rows_px: np.ndarray[Any, Any]) -> str:
+def row_text(rows_px: Float64) -> str:
     """How far rows are off, in words."""
     if not len(rows_px):
         return "no matches"
@@ -274,7 +275,7 @@ class RectifyReport:
         return self.result.exit_code
 
     @property
-    def rows_px(self) -> np.ndarray[Any, Any]:
+    def rows_px(self) -> Float64:
         """(N,) row differences of matches that agree, in the pairs that were looked at."""
         found = [pair.matches.row_difference_px[pair.inliers] for pair in self.looked.pairs]
         return np.concatenate(found) if found else np.zeros(0)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pseudolidar.errors import CalibrationField, PseudolidarError, UsageError
 from pseudolidar.formats.pictures.image import read_size
 from pseudolidar.formats.rigs.rig_file import read_any_rig
-from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit
+from pseudolidar.formats.rigs.rig_reading import Pictures, RigReading, RigUnit
 from pseudolidar.formats.rigs.rig_writers import (
     OF_RECTIFIED,
     RigForm,
@@ -62,7 +62,7 @@ class Rig:
     to: RigForm | None = None
     size: ImageSize | None = None
     rig_unit: RigUnit | None = None
-    pictures: Literal["auto", "raw", "rectified"] = "auto"
+    pictures: Pictures = "auto"
     overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
 
 

@@ -18,6 +18,8 @@ from pseudolidar.structures.pose import Pose
 
 # Errors of corners in pictures, px (68 %): of their disparity, and across.
 DISPARITY_SIGMA_PX, ACROSS_SIGMA_PX = 0.2, 0.15
+# Corners of less disparity are too far to be of use, px; corners of more rows apart are no pair.
+LEAST_DISPARITY_PX, MOST_ROWS_PX = 0.5, 3.0
 
 
 @dataclass(frozen=True)
@@ -91,7 +93,7 @@ class BoardSight:
         u, v = uv[at].T
         u_right, v_right = uv_right[at_right].T
         d = u - u_right
-        ahead = (d + rig.doffs_px > 0.5) & (np.abs(v - v_right) < 3.0)
+        ahead = (d + rig.doffs_px > LEAST_DISPARITY_PX) & (np.abs(v - v_right) < MOST_ROWS_PX)
         xyz = points_by_p(d[ahead], u[ahead], v[ahead], rig)
         length_m = np.linalg.norm(xyz, axis=1)
         along_m = xyz[:, 2] * length_m / rig.fB_px_m * DISPARITY_SIGMA_PX
@@ -104,7 +106,7 @@ class BoardSight:
         return len(self.xyz)
 
     @property
-    def axes_sigma_m(self) -> Float64:
+    def covariance_m2(self) -> Float64:
         """(N, 3, 3) covariance of each corner, m^2."""
         rays = self.xyz / np.linalg.norm(self.xyz, axis=1)[:, None]
         outer = rays[:, :, None] * rays[:, None, :]

@@ -98,8 +98,8 @@ def _same_corners(
     points, others = places[first].apply(a.xyz[mine]), places[second].apply(b.xyz[theirs])
     axes = np.tile(np.eye(3), (len(mine), 1))
     R_a, R_b = places[first].matrix[:3, :3], places[second].matrix[:3, :3]
-    spread_a = np.einsum("ij,njk,ik->ni", R_a, a.axes_sigma_m[mine], R_a)
-    spread_b = np.einsum("ij,njk,ik->ni", R_b, b.axes_sigma_m[theirs], R_b)
+    spread_a = np.einsum("ij,njk,ik->ni", R_a, a.covariance_m2[mine], R_a)
+    spread_b = np.einsum("ij,njk,ik->ni", R_b, b.covariance_m2[theirs], R_b)
     return Partners(
         first,
         second,

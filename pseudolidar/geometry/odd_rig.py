@@ -6,6 +6,7 @@ import numpy as np
 
 from pseudolidar.geometry.lens import Lens
 from pseudolidar.geometry.unrectified import rotation_deg
+from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera, StereoRig
 
 # Fields of view that flat pictures have, degrees; outside, K is mostly of another picture size.
@@ -52,7 +53,7 @@ def field_deg(camera: Camera) -> tuple[float, float]:
     return _angle_deg(left, right, 0), _angle_deg(top, bottom, 1)
 
 
-def _angle_deg(first: np.ndarray, last: np.ndarray, axis: int) -> float:
+def _angle_deg(first: Float64, last: Float64, axis: int) -> float:
     angles = [np.arctan2(each[axis], each[2]) for each in (first, last)]
     return float(np.degrees(angles[1] - angles[0]))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,11 +60,6 @@ class MountedPair:
         for name in ("rotation_sigma_rad", "translation_sigma_m"):
             if getattr(self, name) is not None:
                 check_array("MountedPair", name, getattr(self, name), (3,), np.float64)
-
-    @property
-    def camera_names(self) -> tuple[str, str]:
-        """Names of the frames of its left and right camera among those of the body."""
-        return f"{self.name}_{self.rig.left.frame}", f"{self.name}_{self.rig.right.frame}"
 
     def placed(self, T_base_link_left: Pose) -> MountedPair:
         """The same pair elsewhere; how well the place was known is not known of the new one."""
@@ -140,7 +135,7 @@ class BodyFrame:
     pose: Pose | None = None
     scan: LidarScan | None = None
     T_base_link_lidar: Pose | None = None
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         unknown = [name for name in self.pairs if name not in self.order]

@@ -13,9 +13,10 @@ from pseudolidar.structures.arrays import UInt8
 
 # Blobs that are looked for, as shares of the picture's area.
 SMALLEST_BLOB, LARGEST_BLOB = 2e-5, 2e-2
-# Half the side of the window, in radii of the blob, whose grey values its centre is found from.
-WINDOW_RADII = 1.5
-LEAST_WINDOW_PX = 3
+# Smallest blob all the same, px^2, and how near two may be, px.
+LEAST_BLOB_PX2, LEAST_APART_PX = 12.0, 3.0
+# How full the outline of a blob must be, and how round: an ellipse's axes, short by long.
+LEAST_CONVEXITY, LEAST_INERTIA = 0.9, 0.1
 
 
 def find_circles(grey: UInt8, board: Board, *, thorough: bool) -> Corners | None:
@@ -65,8 +66,9 @@ def _blobs(grey: UInt8) -> Any:
     library: Any = cv2  # whose type stubs lack the blob detector
     settings = library.SimpleBlobDetector_Params()
     area = float(grey.size)
-    settings.minArea, settings.maxArea = max(12.0, SMALLEST_BLOB * area), LARGEST_BLOB * area
-    settings.minDistBetweenBlobs = 3.0
-    settings.filterByConvexity, settings.minConvexity = True, 0.9
-    settings.filterByInertia, settings.minInertiaRatio = True, 0.1
+    settings.minArea = max(LEAST_BLOB_PX2, SMALLEST_BLOB * area)
+    settings.maxArea = LARGEST_BLOB * area
+    settings.minDistBetweenBlobs = LEAST_APART_PX
+    settings.filterByConvexity, settings.minConvexity = True, LEAST_CONVEXITY
+    settings.filterByInertia, settings.minInertiaRatio = True, LEAST_INERTIA
     return library.SimpleBlobDetector_create(settings)

@@ -27,7 +27,3 @@ class Corners:
 
     def __len__(self) -> int:
         return len(self.ids)
-
-    def relabelled(self, ids: Int64) -> Corners:
-        """With corner i called `ids[i]`, for a board that was read the other way round."""
-        return Corners(ids[self.ids], self.uv)

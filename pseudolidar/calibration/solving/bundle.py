@@ -55,7 +55,15 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Normal:
-    """Normal equations: of what views share (S), of the views' poses, and between them."""
+    """Normal equations of S unknowns that views share and of the poses of V views.
+
+    Args:
+        shared: (S, S) of what views share.
+        between: (V, S, 6) between that and each pose.
+        poses: (V, 6, 6) of the poses.
+        shared_gradient: (S,) of half the sum of squares.
+        pose_gradient: (V, 6) likewise.
+    """
 
     shared: Float64
     between: Float64
@@ -86,11 +94,6 @@ class Fit:
     residuals: Float64
     weights: Float64
     normal: Normal = field(repr=False)
-
-    @property
-    def cost(self) -> float:
-        """Weighted sum of squares."""
-        return float((self.weights * (self.residuals**2).sum(axis=-1)).sum())
 
 
 Weighting = Callable[[Float64, Bool], Float64]
@@ -130,11 +133,6 @@ def adjust(
         state = _descend(seen, state, weights, free, steps, enough)
     residuals, normal = _linearised(seen, state, weights)
     return Fit(state, residuals, weights, normal)
-
-
-def residuals_of(seen: Observations, state: State) -> Float64:
-    """(V, E, N, 2) px, projected minus seen; 0 where not seen."""
-    return _residuals(seen, state)
 
 
 def _shared_size(state: State) -> int:
@@ -193,6 +191,7 @@ def _in_eyes(seen: Observations, state: State) -> Float64:
 
 
 def _residuals(seen: Observations, state: State) -> Float64:
+    """(V, E, N, 2) px, projected minus seen; 0 where not seen."""
     points = _in_eyes(seen, state)
     with np.errstate(all="ignore"):
         uv = np.stack(

@@ -29,19 +29,16 @@ class HeldOut:
         rows_px: (P, N) row differences of rectified corners, left minus right; NaN where an eye
             does not see the corner, or it is outside of a rectified picture.
         prediction_px: (P,) reprojection error of each view with the cameras fixed, its board free.
-        baselines_m: (F,) of the fold's rigs.
     """
 
     rows_px: Float64
     prediction_px: Float64
-    baselines_m: Float64
 
     @property
     def row_error_px(self) -> float:
         """Mean absolute row difference."""
-        return (
-            float(np.nanmean(np.abs(self.rows_px))) if np.isfinite(self.rows_px).any() else np.inf
-        )
+        known = np.isfinite(self.rows_px).any()
+        return float(np.nanmean(np.abs(self.rows_px))) if known else np.inf
 
 
 def held_out(solution: Solution, folds: int = FOLDS) -> HeldOut:
@@ -55,7 +52,7 @@ def held_out(solution: Solution, folds: int = FOLDS) -> HeldOut:
     fold = np.arange(len(solution.blocks)) % folds
     fold[views:] = -1  # seen by one eye alone: they stay
     rows = np.full((views, pairs.seen.shape[-1]), np.nan)
-    prediction, baselines = np.full(views, np.nan), []
+    prediction = np.full(views, np.nan)
     for part in range(folds):
         without, mine = fold != part, np.flatnonzero(fold == part)
         if not len(mine):
@@ -71,12 +68,11 @@ def held_out(solution: Solution, folds: int = FOLDS) -> HeldOut:
         judged = pairs.of_views(mine)
         poses = solution.fit.state.T_first_board[mine]
         prediction[mine] = predicted(judged, fit.state.of_views(poses))
-        baselines.append(float(np.linalg.norm(fit.state.T_eye_first[1, :3, 3])))
         try:
             rows[mine] = row_differences(judged, rig_of(fit.state, solution.views.sizes_px))
         except CalibrationValue:
             rows[mine] = np.inf
-    return HeldOut(rows, prediction, np.array(baselines))
+    return HeldOut(rows, prediction)
 
 
 def predicted(seen: Observations, state: State) -> Float64:

@@ -11,6 +11,7 @@ from pseudolidar.calibration.boards.corners import Corners
 from pseudolidar.calibration.boards.coverage import Coverage
 from pseudolidar.calibration.solving.choose import Candidate
 from pseudolidar.calibration.solving.uncertainty import Uncertainty
+from pseudolidar.structures.arrays import Float64
 
 Grade = Literal["good", "fair", "poor"]
 GRADES: tuple[Grade, ...] = ("good", "fair", "poor")
@@ -56,7 +57,6 @@ class Verdict:
     Args:
         judgements: by what it was judged.
         coverage: of the left and the right picture.
-        tilt_deg: (P,) how much the board was tilted in each view.
     """
 
     judgements: tuple[Judgement, ...]
@@ -121,7 +121,7 @@ def judge(candidate: Candidate, sure: Uncertainty, *, views: int) -> Verdict:
     )
 
 
-def tilts_deg(candidate: Candidate) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def tilts_deg(candidate: Candidate) -> Float64:
     """(P,) signed tilt of the board in each view, the stronger of the two directions.
 
     The spread of signed tilts tells more than the largest: boards tilted one way are as one view.
