@@ -40,7 +40,7 @@ def full_body() -> BodyRig:
         place = Pose.from_rotation(
             "base_link", "camera_left", rotation(number + 5), rng.normal(size=3)
         )
-        rig = replace(full_rig(rectified=rectified), quality=known_quality())
+        rig = replace(full_rig(rectified=rectified), quality=known_quality(), metric=rectified)
         turn, shift = rng.uniform(size=3) / 1000, rng.uniform(size=3) / 100
         sigmas = (None, None) if rectified else (turn, shift)
         pairs.append(MountedPair(name, rig, place, *sigmas))
