@@ -27,39 +27,10 @@ from pseudolidar.sources.capture.stamps import (
     PlayClock,
     StreamClock,
 )
+from pseudolidar.structures.image_size import ImageSize
 
 # How long the end of a capture waits for the threads of its cameras.
 SETTLE_S = 1.0
-
-
-@dataclass(frozen=True)
-class PictureSize:
-    """`1280x720`.
-
-    Args:
-        width_px: of a picture.
-        height_px: of a picture.
-    """
-
-    width_px: int
-    height_px: int
-
-    @classmethod
-    def parse(cls, text: str) -> Self:
-        """From `1280x720`.
-
-        Raises:
-            UsageError: it is something else.
-        """
-        width, cross, height = text.partition("x")
-        if not (cross and width.isdecimal() and height.isdecimal() and text.isascii()):
-            raise UsageError(f"{text!r}", want="a size such as 1280x720")
-        if not (int(width) and int(height)):
-            raise UsageError(f"{text!r}", want="a size above 0")
-        return cls(int(width), int(height))
-
-    def __str__(self) -> str:
-        return f"{self.width_px}x{self.height_px}"
 
 
 @dataclass(frozen=True)
@@ -83,7 +54,7 @@ class CameraSettings:
         UsageError: a number that means nothing.
     """
 
-    size: PictureSize | None = None
+    size: ImageSize | None = None
     rate: float | None = None
     pixels: str | None = None
     tolerance_s: float | None = None
@@ -107,7 +78,7 @@ class CameraSettings:
     @property
     def asked(self) -> Asked:
         """What a device is asked for."""
-        size_px = None if self.size is None else (self.size.width_px, self.size.height_px)
+        size_px = None if self.size is None else (self.size.width, self.size.height)
         return Asked(size_px, self.rate, self.pixels)
 
 

@@ -21,8 +21,9 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.video.pixels import to_pixels
 from pseudolidar.sources.capture.address import CameraAddress
-from pseudolidar.sources.capture.cameras import Cameras, CameraSettings, Capture, PictureSize
+from pseudolidar.sources.capture.cameras import Cameras, CameraSettings, Capture
 from pseudolidar.sources.capture.shots import ShotPair
+from pseudolidar.structures.image_size import ImageSize
 from tests.cameras import MJPEG, damaged, eyes, number_of, write_eyes, writer
 from tests.sources.capture.test_pair_buffer import adds_up
 from tests.videos import H264, decoded, pictures, write_video
@@ -286,8 +287,8 @@ def test_a_network_address_where_nobody_answers() -> None:
 @pytest.mark.parametrize("text", ["1280", "x720", "0x720", "1280x", "1280 x 720", "١٢x٣"])
 def test_sizes_that_are_none(text: str) -> None:
     with pytest.raises(UsageError):
-        PictureSize.parse(text)
-    assert str(PictureSize.parse("1280x720")) == "1280x720"
+        ImageSize.parse(text)
+    assert str(ImageSize.parse("1280x720")) == "1280x720"
 
 
 @pytest.mark.parametrize("name", ["rate", "tolerance_s", "patience_s", "kept", "speed"])
