@@ -53,7 +53,9 @@ def exposure_found(left: Image, right: Image, matches: PairMatches, inliers: Boo
     for name, (gain, offset), ratio in zip(names, fits, ratios, strict=True):
         figures |= {f"gain_{name}": gain, f"offset_{name}": offset, f"ratio_{name}": float(ratio)}
     difference = _difference(left, means, at[1])
-    curve, corners = _told(difference, figures)
+    curve, corners = _curve_and_corners(difference)
+    known = difference is not None
+    figures |= {"gamma": curve if known else None, "vignetting": corners if known else None}
     ratio = float(np.median(ratios))
     cast = float(ratios.max() / max(ratios.min(), 1e-6))
     text = f"the right picture is {ratio:.2f} times as bright as the left one"
@@ -80,16 +82,11 @@ def _difference(
     return fit_difference(means[0] / white, means[1] / white, radius2)
 
 
-def _told(
-    difference: PhotometricDifference | None, figures: dict[str, float | int | None]
-) -> tuple[float, float]:
-    """Ratio of the gammas and the share of light that corners gain, which go into the figures."""
+def _curve_and_corners(difference: PhotometricDifference | None) -> tuple[float, float]:
+    """Ratio of the gammas and the share of light that corners gain; none where nobody knows."""
     if difference is None:
-        figures |= {"gamma": None, "vignetting": None}
         return 1.0, 0.0
-    corners = float(np.expm1(difference.vignetting))
-    figures |= {"gamma": difference.gamma, "vignetting": corners}
-    return difference.gamma, corners
+    return difference.gamma, float(np.expm1(difference.vignetting))
 
 
 def gain_offset(left: Float64, right: Float64) -> tuple[float, float]:

@@ -34,7 +34,6 @@ def rotation_found(rotation: EyeRotation | None, rig: StereoRig, *, why: str = "
     if rotation is None:
         return Finding(ROTATION, "unknown", f"cannot tell: {why or 'too few matches agree'}")
     figures = _figures(rotation)
-    gained_px = rotation.before_px - rotation.after_px
     if not turned(rotation):
         text = f"no turn that is worth putting right: {angles_text(rotation)}"
         return Finding(ROTATION, "good", text, None, "", figures)
@@ -47,13 +46,16 @@ def rotation_found(rotation: EyeRotation | None, rig: StereoRig, *, why: str = "
         seen += f"; disparities {abs(moved_px):.1f} px too {'small' if moved_px > 0 else 'large'}"
         sure = sure_beyond(moved_px, 0.0, float(rotation.sigma_rad[YAW] * rig.right.focal_px))
         return Finding(ROTATION, "warn", seen, sure, MEND, figures)
-    return Finding(ROTATION, "note", seen, SUREST if gained_px > 0 else None, MEND, figures)
+    return Finding(
+        ROTATION, "note", seen, SUREST if rotation.gained_px > 0 else None, MEND, figures
+    )
 
 
 def turned(rotation: EyeRotation) -> bool:
     """Whether the turn is there for sure, and worth putting right."""
-    gained_px = rotation.before_px - rotation.after_px
-    return bool(rotation.believed[YAW] or (rotation.believed.any() and gained_px > WORTH_PX))
+    return bool(
+        rotation.believed[YAW] or (rotation.believed.any() and rotation.gained_px > WORTH_PX)
+    )
 
 
 def angles_text(rotation: EyeRotation) -> str:

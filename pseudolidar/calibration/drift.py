@@ -19,7 +19,7 @@ Miller 2011, covariance where errors go together within pictures and within plac
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -95,6 +95,11 @@ class EyeRotation:
         return np.asarray(np.abs(self.rotation_rad) > BELIEVED_SIGMAS * self.sigma_rad)
 
     @property
+    def gained_px(self) -> float:
+        """By how much rows meet better with what is believed put right."""
+        return self.before_px - self.after_px
+
+    @property
     def believed_rad(self) -> Float64:
         """(3,) the rotation without what may be nothing."""
         return np.where(self.believed, self.rotation_rad, 0.0)
@@ -121,12 +126,13 @@ def eye_rotation(pairs: Sequence[RiggedMatches]) -> EyeRotation | None:
     spread = sum(_spread(scores, cluster) for cluster in (seen.pair, seen.cell))
     covariance = (inverse @ spread @ inverse)[:3, :3]
     covariance += np.diag(_systematic_rad(pairs[0].rig) ** 2)
-    rotation = EyeRotation(fitted[:3], covariance, len(pairs), len(seen.pair), 0.0, 0.0)
+    unknown = float("nan")  # until it is known what is believed
+    rotation = EyeRotation(fitted[:3], covariance, len(pairs), len(seen.pair), unknown, unknown)
     before_px, after_px = (
         _typical_px(seen.off_px(np.append(turn, 0.0)), seen.pair)
         for turn in (np.zeros(3), rotation.believed_rad)
     )
-    return EyeRotation(fitted[:3], covariance, len(pairs), len(seen.pair), before_px, after_px)
+    return replace(rotation, before_px=before_px, after_px=after_px)
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,7 @@ from pseudolidar.errors import CalibrationValue, PairSwapped
 from pseudolidar.geometry.robust import robust_sigma
 from pseudolidar.geometry.twists import exp_twist
 from pseudolidar.structures.arrays import Bool, Float64
-from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.camera import LEFT_FRAME, RIGHT_FRAME, Camera, StereoRig
 from pseudolidar.structures.disparity import DEFAULT_MIN_DEPTH_M
 from pseudolidar.structures.pose import Pose
 
@@ -234,9 +234,9 @@ class _Solver:
         apart = NEAREST_UNITS * flat.near_px / self.K_left[0, 0]
         t = R_right.T @ np.array([-apart, 0.0, 0.0])
         return StereoRig(
-            Camera(self.K_left, width, height, frame="camera_left"),
-            Camera(self.K_right, width, height, frame="camera_right"),
-            Pose.from_rotation("camera_right", "camera_left", R_right.T @ R_left, t),
+            Camera(self.K_left, width, height, frame=LEFT_FRAME),
+            Camera(self.K_right, width, height, frame=RIGHT_FRAME),
+            Pose.from_rotation(RIGHT_FRAME, LEFT_FRAME, R_right.T @ R_left, t),
             metric=False,
         )
 

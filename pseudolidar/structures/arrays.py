@@ -18,6 +18,11 @@ Image = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 AnyArray = npt.NDArray[Any]
 
 
+def size_of(image: AnyArray) -> tuple[int, int]:
+    """(width, height) of a picture (H, W) or (H, W, C)."""
+    return int(image.shape[1]), int(image.shape[0])
+
+
 def check_array(
     owner: str,
     name: str,

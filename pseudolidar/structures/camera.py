@@ -18,6 +18,9 @@ from pseudolidar.structures.correction import DisparityCorrection, RowCorrection
 from pseudolidar.structures.pose import Pose
 from pseudolidar.structures.quality import CalibrationQuality
 
+LensModel = Literal["pinhole", "fisheye"]
+# Frames of the cameras of a rig, in files and wherever a rig is made.
+LEFT_FRAME, RIGHT_FRAME = "camera_left", "camera_right"
 # Systematic disparity error of a rig whose calibration nobody checked, px (measured on KITTI: about
 # 0.5 px at range).
 UNREFINED_SIGMA_PX = 0.5
@@ -50,8 +53,8 @@ class Camera:
     width_px: int
     height_px: int
     distortion: Float64 = field(default_factory=lambda: np.zeros(0))
-    model: Literal["pinhole", "fisheye"] = "pinhole"
-    frame: str = "camera_left"
+    model: LensModel = "pinhole"
+    frame: str = LEFT_FRAME
 
     def __post_init__(self) -> None:
         check_array("Camera", "K", self.K, (3, 3), np.float64)

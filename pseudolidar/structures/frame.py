@@ -7,7 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.errors import NotRectified, PairMismatch, StructureError
-from pseudolidar.structures.arrays import AnyArray, Bool, Float32, Image, Int64, check_array
+from pseudolidar.structures.arrays import (
+    AnyArray,
+    Bool,
+    Float32,
+    Image,
+    Int64,
+    check_array,
+    size_of,
+)
 from pseudolidar.structures.box import Label
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.disparity import DisparityMap
@@ -107,8 +115,7 @@ class RawPair:
 
     def __post_init__(self) -> None:
         _check_pair("RawPair", self.left, self.right, same_size=False)
-        sizes = ((image.shape[1], image.shape[0]) for image in (self.left, self.right))
-        self.rig.check_sizes(*sizes)
+        self.rig.check_sizes(size_of(self.left), size_of(self.right))
 
 
 @dataclass(frozen=True, eq=False)

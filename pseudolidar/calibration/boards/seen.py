@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from pseudolidar.calibration.boards.board import Board
 from pseudolidar.calibration.boards.corners import Corners
 from pseudolidar.calibration.boards.find import find_board
 from pseudolidar.geometry.grey import grey8_of
-from pseudolidar.structures.arrays import Image, UInt8
+from pseudolidar.structures.arrays import Image, size_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +44,4 @@ class FindInPair:
         """What is seen in a pair."""
         greys = grey8_of(left), grey8_of(right)
         found = [find_board(grey, self.board, thorough=self.thorough) for grey in greys]
-        return BoardSeen(name, found[0], found[1], (_size_px(greys[0]), _size_px(greys[1])))
-
-
-def _size_px(grey: UInt8) -> tuple[int, int]:
-    return int(grey.shape[1]), int(np.shape(grey)[0])
+        return BoardSeen(name, found[0], found[1], (size_of(greys[0]), size_of(greys[1])))

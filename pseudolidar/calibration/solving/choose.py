@@ -10,7 +10,6 @@ import numpy as np
 from pseudolidar.calibration.solving.bundle import State
 from pseudolidar.calibration.solving.held_out import HeldOut, held_out, predicted
 from pseudolidar.calibration.solving.lens_terms import Model
-from pseudolidar.calibration.solving.observations import LEAST_CORNERS
 from pseudolidar.calibration.solving.solve import Solution, Views, solve
 from pseudolidar.calibration.solving.start import poses_of
 from pseudolidar.errors import BoardNotFound, CalibrationValue
@@ -91,8 +90,7 @@ def candidate(views: Views, model: Model) -> Candidate:
     prediction = np.full(len(views.ids), np.nan)
     prediction[solution.paired] = errors.prediction_px
     seen = solution.views.seen
-    both = (seen.seen.sum(axis=-1) >= LEAST_CORNERS).all(axis=1)
-    others = np.setdiff1d(np.flatnonzero(both), solution.paired)
+    others = np.setdiff1d(np.flatnonzero(seen.in_both), solution.paired)
     if len(others):
         state, shown = solution.fit.state, seen.of_views(others)
         first = poses_of(shown.of_eye(0), _first_eye(solution))

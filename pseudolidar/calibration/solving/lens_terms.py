@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.camera import Camera
+from pseudolidar.structures.camera import Camera, LensModel
 
 Model = Literal["pinhole", "pinhole8", "thin-prism", "fisheye"]
 # Coefficients of each model: k1 k2 p1 p2 k3 | k4 k5 k6 | s1 s2 s3 s4; Kannala and Brandt's k1-k4.
@@ -34,7 +34,7 @@ def camera_of(model: Model, vector: Float64, size_px: tuple[int, int], frame: st
     """
     fx, fy, cx, cy = vector[:INTRINSICS]
     K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
-    lens: Literal["pinhole", "fisheye"] = "fisheye" if model == "fisheye" else "pinhole"
+    lens: LensModel = "fisheye" if model == "fisheye" else "pinhole"
     return Camera(K, *size_px, vector[INTRINSICS:].copy(), lens, frame)
 
 

@@ -10,6 +10,9 @@ import numpy as np
 from pseudolidar.calibration.boards.corners import Corners
 from pseudolidar.structures.arrays import Bool, Float64, Int64
 
+# A pose of a plane needs four corners; two more make it one that can be judged.
+LEAST_CORNERS = 6
+
 
 @dataclass(frozen=True, eq=False)
 class Observations:
@@ -41,9 +44,14 @@ class Observations:
         return len(self.seen)
 
     @property
+    def enough(self) -> Bool:
+        """(V, E) where an eye saw enough for a pose."""
+        return np.asarray(self.seen.sum(axis=-1) >= LEAST_CORNERS, np.bool_)
+
+    @property
     def in_both(self) -> Bool:
         """(V,) views of which every eye saw enough for a pose."""
-        return np.asarray((self.seen.sum(axis=-1) >= LEAST_CORNERS).all(axis=-1))
+        return np.asarray(self.enough.all(axis=-1))
 
     def of_eye(self, eye: int) -> Observations:
         """Those of one eye alone."""
@@ -68,7 +76,3 @@ class Observations:
         for view, names in enumerate(ids):
             uv[view, eye, names], seen[view, eye, names] = self.uv[view, eye], self.seen[view, eye]
         return replace(self, uv=uv, seen=seen)
-
-
-# A pose of a plane needs four corners; two more make it one that can be judged.
-LEAST_CORNERS = 6

@@ -11,15 +11,14 @@ from pseudolidar.calibration.boards.board import Board
 from pseudolidar.calibration.solving.bundle import Fit, State, adjust
 from pseudolidar.calibration.solving.left_out import LeftOut, bad_corners, bad_views
 from pseudolidar.calibration.solving.lens_terms import Model, camera_of
-from pseudolidar.calibration.solving.observations import LEAST_CORNERS, Observations
+from pseudolidar.calibration.solving.observations import Observations
 from pseudolidar.calibration.solving.robust import Cauchy, rms, view_spread
 from pseudolidar.calibration.solving.stereo import EyeFits, relate, solve_eyes, solve_pair
 from pseudolidar.errors import BoardNotFound
 from pseudolidar.structures.arrays import Bool, Float64, Int64
-from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.camera import LEFT_FRAME, RIGHT_FRAME, StereoRig
 from pseudolidar.structures.pose import Pose
 
-LEFT, RIGHT = "camera_left", "camera_right"
 LEAST_VIEWS = 5
 EYES = ("left", "right")
 # Why views are left out.
@@ -127,9 +126,11 @@ def rig_of(state: State, sizes_px: Sequence[tuple[int, int]]) -> StereoRig:
     """
     left, right = (
         camera_of(state.model, vector, size_px, frame)
-        for vector, size_px, frame in zip(state.cameras, sizes_px, (LEFT, RIGHT), strict=True)
+        for vector, size_px, frame in zip(
+            state.cameras, sizes_px, (LEFT_FRAME, RIGHT_FRAME), strict=True
+        )
     )
-    return StereoRig(left, right, Pose(RIGHT, LEFT, state.T_eye_first[1]))
+    return StereoRig(left, right, Pose(RIGHT_FRAME, LEFT_FRAME, state.T_eye_first[1]))
 
 
 def solve(views: Views, model: Model) -> Solution:
@@ -138,7 +139,7 @@ def solve(views: Views, model: Model) -> Solution:
     Raises:
         BoardNotFound: too few views in which both eyes see the board.
     """
-    enough: Bool = np.asarray(views.seen.seen.sum(axis=-1) >= LEAST_CORNERS, np.bool_)
+    enough = views.seen.enough
     check_enough(views, enough)
     eyes = solve_eyes(views.seen, model, views.sizes_px, enough)
     rms_px: list[float] = []
@@ -253,7 +254,7 @@ def _judged(start: _Related) -> Solution:
         disagreeing |= {int(v): float(off[i]) for i, v in enumerate(paired) if bad[i]}
         tied[paired[bad]] = False
         seen = seen.without(_of_all_views(astray, paired, len(seen), ~bad))
-        enough = np.asarray(enough & (seen.seen.sum(axis=-1) >= LEAST_CORNERS))
+        enough = np.asarray(enough & seen.enough)
         tied &= np.asarray(enough.all(axis=1))
     paired, blocks, T_first_board = _blocks(seen, enough, tied, start.poses, state)
     fit = solve_pair(blocks, state.of_views(T_first_board))

@@ -10,7 +10,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -35,13 +34,12 @@ from pseudolidar.formats.rigs.rig_reading import (
 from pseudolidar.formats.rigs.storage import matrix_of, read_storage
 from pseudolidar.geometry.unrectified import why_unrectified
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.camera import Camera, LensModel, StereoRig
 from pseudolidar.structures.pose import Pose
 
 FORM = "Kalibr camchain"
 _CAMERA = re.compile(r"cam([0-9]+)")
 _MARKS = ("camera_model", "distortion_model", "T_cn_cnm1")
-LensModel = Literal["pinhole", "fisheye"]
 # Kalibr's lens models that OpenCV's have the formula of, and how many numbers they have.
 _LENSES: Mapping[str, tuple[LensModel, int]] = {
     "radtan": ("pinhole", 4),

@@ -14,7 +14,7 @@ from pseudolidar.formats.rigs.key_values import KeyValues, read_key_values
 from pseudolidar.formats.rigs.kitti import RAW_COUNTS, check_rotation, rigid_file
 from pseudolidar.formats.rigs.kitti_calibration import FRAME_CAM0, WHICH_LAYOUT, CameraPair
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.camera import LEFT_FRAME, RIGHT_FRAME, Camera, StereoRig
 from pseudolidar.structures.pose import Pose
 
 
@@ -71,10 +71,10 @@ class KittiUnrectified:
         velodyne = self.T_cam0_velodyne
         try:
             return StereoRig(
-                left=_placed(left, "camera_left"),
-                right=_placed(right, "camera_right"),
-                T_right_left=_named(T_right_cam0 @ T_left_cam0.inverse(), "camera_right"),
-                T_left_velodyne=velodyne and _named(T_left_cam0 @ velodyne, "camera_left"),
+                left=_placed(left, LEFT_FRAME),
+                right=_placed(right, RIGHT_FRAME),
+                T_right_left=_named(T_right_cam0 @ T_left_cam0.inverse(), RIGHT_FRAME),
+                T_left_velodyne=velodyne and _named(T_left_cam0 @ velodyne, LEFT_FRAME),
                 T_velodyne_imu=self.T_velodyne_imu,
                 origin=self._origin(cameras, date),
             )
@@ -141,5 +141,5 @@ def _placed(camera: MountedCamera, frame: str) -> Camera:
 
 def _named(pose: Pose, dst: str) -> Pose:
     """The pose of KITTI's cameras with the names of the rig's."""
-    src = "camera_left" if pose.src.startswith("camera_") else pose.src
+    src = LEFT_FRAME if pose.src.startswith("camera_") else pose.src
     return Pose(dst, src, pose.matrix)

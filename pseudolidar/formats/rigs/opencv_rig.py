@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from pseudolidar.formats.rigs.stereo_fields import Eye, StereoFields
 from pseudolidar.formats.rigs.stereo_sizes import Sizes, sizes_of
 from pseudolidar.formats.rigs.storage import matrix_of, read_storage
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.camera import Camera, LensModel, StereoRig
 from pseudolidar.structures.pose import Pose
 
 SUFFIXES = (".yml", ".yaml", ".xml", ".json")
@@ -255,10 +254,10 @@ def _turns(fields: StereoFields) -> tuple[Float64, Float64] | None:
     return R1, R2
 
 
-def _lens(fields: StereoFields, eye: int) -> tuple[Float64, Literal["pinhole", "fisheye"]]:
+def _lens(fields: StereoFields, eye: int) -> tuple[Float64, LensModel]:
     """Distortion numbers and the model they belong to."""
     node, named = fields.node("D", eye), fields.node("model", eye) or fields.node("model")
-    model: Literal["pinhole", "fisheye"] = "pinhole"
+    model: LensModel = "pinhole"
     if named is not None and any(word in str(named.value).lower() for word in FISHEYE_MODELS):
         model = "fisheye"
     if node is None or node.value == ():

@@ -29,11 +29,11 @@ from pseudolidar.formats.rigs.rig_fields import (
     wrong,
 )
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.camera import Camera
+from pseudolidar.structures.camera import LEFT_FRAME, RIGHT_FRAME, Camera
 from pseudolidar.structures.correction import DisparityCorrection, RowCorrection, SigmaScale
 from pseudolidar.structures.pose import Pose, rotation_error
 
-LEFT, RIGHT, VELODYNE, IMU = "camera_left", "camera_right", "velodyne", "imu"
+LEFT, RIGHT, VELODYNE, IMU = LEFT_FRAME, RIGHT_FRAME, "velodyne", "imu"
 # Numbers of OpenCV's lens models: k1 k2 p1 p2 [k3 [k4 k5 k6 [s1-s4 [tx ty]]]]; fisheye k1-k4.
 COEFFICIENTS = {"pinhole": (0, 4, 5, 8, 12, 14), "fisheye": (0, 4)}
 # No rig carries its cameras further apart; such a number is in millimetres.

@@ -15,7 +15,7 @@ from pseudolidar.calibration.boards.find import find_board
 from pseudolidar.geometry.grey import grey8_of
 from pseudolidar.sources.capture.eyes import Eyes
 from pseudolidar.sources.capture.shots import ShotPair
-from pseudolidar.structures.arrays import Image, UInt8
+from pseudolidar.structures.arrays import Image, UInt8, size_of
 
 _log = logging.getLogger(__name__)
 NAMES = ("left", "right")
@@ -54,8 +54,7 @@ class NewViews:
     def __call__(self, shots: ShotPair) -> bool:
         """Whether to keep a pair."""
         left, right, _ = self._eyes.pair(shots)
-        greys = grey8_of(left), grey8_of(right)
-        found = [find_board(grey, self._board, thorough=False) for grey in greys]
+        greys, found = self._looked(left, right)
         self._said = self._verdict(greys, found)
         for views, corners in zip(self._views, found, strict=True):
             views.before = corners
@@ -69,8 +68,7 @@ class NewViews:
     def remember(self, pairs: Iterable[tuple[Image, Image]]) -> None:
         """Count pairs that were kept before, as far as the board is found in both eyes."""
         for left, right in pairs:
-            greys = grey8_of(left), grey8_of(right)
-            found = [find_board(grey, self._board, thorough=False) for grey in greys]
+            greys, found = self._looked(left, right)
             if all(found):
                 self._keep(greys, found)
 
@@ -96,6 +94,13 @@ class NewViews:
             **{f"next_{name}": coverage.emptiest for name, coverage in covered.items()},
         }
 
+    def _looked(
+        self, left: Image, right: Image
+    ) -> tuple[tuple[UInt8, UInt8], list[Corners | None]]:
+        """Both pictures in grey, and the board in each, looked for in the quickest way."""
+        greys = grey8_of(left), grey8_of(right)
+        return greys, [find_board(grey, self._board, thorough=False) for grey in greys]
+
     def _verdict(self, greys: tuple[UInt8, UInt8], found: list[Corners | None]) -> str:
         """Why a pair is not worth keeping, "" if it is."""
         news = False
@@ -112,10 +117,9 @@ class NewViews:
     def _keep(self, greys: tuple[UInt8, UInt8], found: list[Corners | None]) -> None:
         for views, grey, corners in zip(self._views, greys, found, strict=True):
             if corners is not None:
-                views.size_px = int(grey.shape[1]), int(grey.shape[0])
+                views.size_px = size_of(grey)
                 views.kept.append(corners)
                 views.places.append(self._place(corners, grey))
 
     def _place(self, corners: Corners, grey: UInt8) -> ViewPlace:
-        size_px = int(grey.shape[1]), int(grey.shape[0])
-        return ViewPlace.of(corners, self._board.points_m, size_px)
+        return ViewPlace.of(corners, self._board.points_m, size_of(grey))

@@ -12,7 +12,7 @@ from pseudolidar.sources.capture.live_pairs import Taken
 from pseudolidar.sources.capture.shots import ShotPair
 from pseudolidar.sources.rectified import Rectify, rectified
 from pseudolidar.sources.video.packing import Layout, split_eyes
-from pseudolidar.structures.arrays import Image
+from pseudolidar.structures.arrays import Image, size_of
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import RawPair, StereoFrame
 
@@ -54,7 +54,7 @@ class Eyes:
             return pixels
         import cv2
 
-        size_px = self.size_of((pixels.shape[1], pixels.shape[0]))
+        size_px = self.size_of(size_of(pixels))
         return cast("Image", cv2.resize(pixels, size_px, interpolation=cv2.INTER_AREA))
 
 

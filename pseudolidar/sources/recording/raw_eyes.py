@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 
@@ -11,12 +10,17 @@ from pseudolidar.formats.recordings.messages import CameraInfo
 from pseudolidar.geometry.frame_chain import chain
 from pseudolidar.sources.recording.eyes import Eye
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.camera import (
+    LEFT_FRAME,
+    RIGHT_FRAME,
+    Camera,
+    LensModel,
+    StereoRig,
+)
 from pseudolidar.structures.pose import Pose
 
-LEFT, RIGHT = "camera_left", "camera_right"
 # Lens models of ROS and of Foxglove, which took over its words; with the numbers that they have.
-MODELS: dict[str, tuple[Literal["pinhole", "fisheye"], tuple[int, ...]]] = {
+MODELS: dict[str, tuple[LensModel, tuple[int, ...]]] = {
     "": ("pinhole", (0,)),
     "plumb_bob": ("pinhole", (0, 4, 5)),
     "rational_polynomial": ("pinhole", (8, 12, 14)),
@@ -36,19 +40,14 @@ def raw_rig_of(left: Eye, right: Eye, tree: Sequence[Pose]) -> StereoRig | None:
     Raises:
         CalibrationValue: no camera, or no rig, can be so.
     """
-    cameras = [_camera(eye.camera, frame) for eye, frame in ((left, LEFT), (right, RIGHT))]
+    left_camera, right_camera = _camera(left.camera, LEFT_FRAME), _camera(right.camera, RIGHT_FRAME)
     T_right_left = _by_rectification(left.camera, right.camera)
     if T_right_left is None:
         T = chain(tree, right.frame, left.frame)
-        T_right_left = None if T is None else Pose(RIGHT, LEFT, T.matrix)
-    if None in cameras or T_right_left is None:
+        T_right_left = None if T is None else Pose(RIGHT_FRAME, LEFT_FRAME, T.matrix)
+    if left_camera is None or right_camera is None or T_right_left is None:
         return None
-    return StereoRig(
-        cameras[0],  # type: ignore[arg-type]  # not None, see above
-        cameras[1],  # type: ignore[arg-type]
-        T_right_left,
-        origin="calibration in the recording",
-    )
+    return StereoRig(left_camera, right_camera, T_right_left, origin="calibration in the recording")
 
 
 def _camera(info: CameraInfo | None, frame: str) -> Camera | None:
@@ -72,7 +71,7 @@ def _by_rectification(left: CameraInfo | None, right: CameraInfo | None) -> Pose
     if not shift_m.any() or not (left.R.any() and right.R.any()):
         return None
     R_right_left = right.R.T @ left.R
-    return Pose.from_rotation(RIGHT, LEFT, R_right_left, right.R.T @ shift_m)
+    return Pose.from_rotation(RIGHT_FRAME, LEFT_FRAME, R_right_left, right.R.T @ shift_m)
 
 
 def offset_m(P: Float64) -> Float64:

@@ -22,10 +22,10 @@ from pseudolidar.sources.recording.eyes import SAME_DIRECTION, SAME_PX, Eye
 from pseudolidar.sources.recording.raw_eyes import offset_m, raw_rig_of
 from pseudolidar.sources.recording.topics import Topics
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.camera import LEFT_FRAME, RIGHT_FRAME, Camera, StereoRig
 from pseudolidar.structures.pose import Pose
 
-LEFT, RIGHT, VELODYNE = "camera_left", "camera_right", "velodyne"
+LEFT, RIGHT, VELODYNE = LEFT_FRAME, RIGHT_FRAME, "velodyne"
 _LEFT_NAME = re.compile(r"(?<![a-z])left(?![a-z])|(?<![a-z])l(?![a-z])", re.IGNORECASE)
 _RIGHT_NAME = re.compile(r"(?<![a-z])right(?![a-z])|(?<![a-z])r(?![a-z])", re.IGNORECASE)
 
