@@ -92,15 +92,19 @@ class Lens:
         """As `directions`; where nothing is seen (a dark corner) that at the edge of what is."""
         angle, azimuth = self._angles(uv)
         dark = np.isnan(angle)
-        K = self.camera.K
-        around = np.arctan2((uv[..., 1] - K[1, 2]) / K[1, 1], (uv[..., 0] - K[0, 2]) / K[0, 0])
+        x, y = self._in_focal_lengths(uv)
+        around = np.arctan2(y, x)
         return _turned(np.where(dark, self.limit_rad, angle), np.where(dark, around, azimuth))
+
+    def _in_focal_lengths(self, uv: Pixels) -> tuple[Float64, Float64]:
+        """(...) x and y of pixels from the centre, where the lens has put them."""
+        K = self.camera.K
+        y = (uv[..., 1] - K[1, 2]) / K[1, 1]
+        return (uv[..., 0] - K[0, 2] - K[0, 1] * y) / K[0, 0], y
 
     def _angles(self, uv: Pixels) -> tuple[Float64, Float64]:
         """(...) angles off the axis, NaN where nothing is seen, and around it."""
-        K = self.camera.K
-        y = (uv[..., 1] - K[1, 2]) / K[1, 1]
-        x = (uv[..., 0] - K[0, 2] - K[0, 1] * y) / K[0, 0]
+        x, y = self._in_focal_lengths(uv)
         wanted = np.stack([x, y], axis=-1)
         r = np.hypot(x, y)
         azimuth = np.arctan2(y, x)

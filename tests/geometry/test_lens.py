@@ -77,3 +77,62 @@ def test_dark_corners_have_no_direction_and_a_nearest_one():
     np.testing.assert_allclose(
         nearest, [np.sin(lens.limit_rad), 0.0, np.cos(lens.limit_rad)], atol=1e-12
     )
+
+
+@pytest.mark.parametrize("model", ["pinhole", "fisheye"])
+def test_a_skewed_camera_is_the_straight_one_with_its_rows_shifted(model: str):
+    """With skew s a pixel lies s (v - cy) / fy further right than without."""
+    skewed = K.copy()
+    skewed[0, 1] = 30.0
+    D = PINHOLE[:5] if model == "pinhole" else FISHEYE
+    straight, lens = (Lens.of(Camera(each, 640, 480, D, model)) for each in (K, skewed))
+    points = np.random.default_rng(2).uniform(-0.6, 0.6, (100, 3))
+    points[:, 2] = 1.0
+    wanted = straight.pixels(points)[0]
+    wanted[:, 0] += 30.0 * (wanted[:, 1] - 240) / 510
+    uv, _ = lens.pixels(points)
+    np.testing.assert_allclose(uv, wanted, atol=1e-9)
+    back = lens.directions(uv)
+    np.testing.assert_allclose(back[:, :2] / back[:, 2:], points[:, :2], atol=1e-9)
+
+
+def test_the_nearest_direction_of_a_dark_corner_lies_towards_it_with_skew_too():
+    skewed = K.copy()
+    skewed[0, 1] = 200.0
+    lens = Lens.of(Camera(skewed, 640, 480, np.array([0.0, 0.0, 0.0, -0.05]), "fisheye"))
+    down = np.array([[320.0 + 200 * 9.0, 240.0 + 510 * 9.0]])  # 9 focal lengths below the centre
+    assert np.isnan(lens.directions(down)).all()
+    np.testing.assert_allclose(
+        lens.nearest_directions(down)[0],
+        [0.0, np.sin(lens.limit_rad), np.cos(lens.limit_rad)],
+        atol=1e-12,
+    )
+
+
+def test_a_dark_corner_of_a_pinhole_lens_is_taken_from_the_edge_on_its_side():
+    lens = Lens.of(pinhole([-0.3, 0, 0, 0, 0]))
+    corners = np.array([[-400.0, -300.0], [1040.0, -300.0], [-400.0, 780.0], [1040.0, 780.0]])
+    assert np.isnan(lens.directions(corners)).all()
+    nearest = lens.nearest_directions(corners)
+    towards = (corners - [320, 240]) / [500, 510]
+    towards /= np.linalg.norm(towards, axis=1)[:, None]
+    np.testing.assert_allclose(nearest[:, 2], np.cos(lens.limit_rad), atol=1e-12)
+    np.testing.assert_allclose(nearest[:, :2], np.sin(lens.limit_rad) * towards, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [pinhole([-0.3, 0, 0, 0, 0]), pinhole([-0.3, 0, 0.1, 0, 0]), fisheye([0.0, 0.0, 0.0, -0.2])],
+    ids=("pinhole", "decentred", "fisheye"),
+)
+def test_a_direction_is_one_that_is_seen_at_its_pixel_or_none(camera: Camera):
+    """A decentred lens shows less on one side than its radial part alone would."""
+    lens = Lens.of(camera)
+    u, v = np.meshgrid(np.linspace(-300, 940, 60), np.linspace(-400, 880, 60))
+    uv = np.stack([u, v], axis=-1).reshape(-1, 2)
+    directions = lens.directions(uv)
+    found = np.isfinite(directions).all(axis=1)
+    assert 0.1 < found.mean() < 0.9
+    seen, holds = lens.pixels(directions[found])
+    assert holds.all()
+    np.testing.assert_allclose(seen, uv[found], atol=1e-3)

@@ -6,7 +6,12 @@ import pytest
 
 from pseudolidar.errors import CalibrationValue, UsageError
 from pseudolidar.geometry.lens import Lens
-from pseudolidar.geometry.rectification import Rectification, rectification, turned
+from pseudolidar.geometry.rectification import (
+    Rectification,
+    aligning_rotations,
+    rectification,
+    turned,
+)
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.pose import Pose
 from tests.raw_rigs import PLACE_M, raw_rig
@@ -100,6 +105,47 @@ def test_zoom_and_size_change_what_they_say():
     assert wide.rig.left.focal_px < plain.rig.left.focal_px
 
 
+@pytest.mark.parametrize("wider", ["left", "right"])
+def test_alpha_1_keeps_all_of_both_pictures_and_alpha_0_shows_no_black(wider: str):
+    """Whichever eye sees more: the first is up to it, the second to the other one."""
+    rig = raw_rig(5)
+    eye = getattr(rig, wider)
+    K = eye.K.copy()
+    K[[0, 1], [0, 1]] *= 0.8
+    rig = replace(rig, **{wider: replace(eye, K=K)})
+    for alpha in (0.0, 1.0):
+        planned = rectification(rig, alpha=alpha)
+        flat = planned.rig.left
+        edges = {}
+        for name, camera, R in (
+            ("left", rig.left, planned.R_left),
+            ("right", rig.right, planned.R_right),
+        ):
+            # (4 sides, N) places: of the raw picture's outline, in the rectified one for alpha 1;
+            # of the rectified picture's outline, in the raw one for alpha 0.
+            if alpha == 1:
+                directions = Lens.of(camera).directions(outline(camera.size_px)) @ R.T
+                seen, held_by = directions[:, :2] / directions[:, 2:] @ flat.K[:2, :2].T, flat
+                seen = seen + flat.K[:2, 2]
+            else:
+                rays = np.column_stack([outline(flat.size_px), np.ones(400)])
+                seen, _ = Lens.of(camera).pixels(rays @ np.linalg.inv(flat.K).T @ R)
+                held_by = camera
+            width, height = held_by.size_px
+            room = np.concatenate([seen, (width - 1, height - 1) - seen], axis=1)
+            edges[name] = room.min()
+        assert min(edges.values()) == pytest.approx(0, abs=1.5)
+        assert (edges[wider] < edges["right" if wider == "left" else "left"]) == (alpha == 1)
+
+
+def outline(size_px: tuple[int, int]) -> np.ndarray:
+    """(400, 2) pixels along the four sides of a picture."""
+    width, height = size_px
+    x, y = np.linspace(0, width - 1, 100), np.linspace(0, height - 1, 100)
+    sides = (x, 0 * x), (x, 0 * x + height - 1), (0 * y, y), (0 * y + width - 1, y)
+    return np.concatenate([np.stack(side, axis=1) for side in sides])
+
+
 def test_a_fisheye_is_cut_at_the_field_that_is_asked_for():
     rig = raw_rig(model="fisheye", focal_px=200.0)  # 640 px hold 180 degrees
     for field_deg in (90.0, 120.0):
@@ -139,12 +185,21 @@ def test_a_rectified_rig_stays_as_it_is():
     [
         ((0.0, -0.2, 0.0), "above each other"),
         ((0.02, 0.0, 0.2), "behind each other"),
+        ((-0.09, -0.18, 0.0), "above each other"),  # 63 degrees off the rows
         ((0.2, 0.0, 0.0), "stands right of the other"),
     ],
 )
 def test_cameras_that_do_not_stand_side_by_side(place_m: tuple[float, ...], words: str):
     with pytest.raises(CalibrationValue, match=words):
         rectification(raw_rig(5, place_m=np.array(place_m)))
+
+
+def test_cameras_56_degrees_off_the_rows_are_still_side_by_side():
+    raw = raw_rig(0, place_m=np.array((-0.12, -0.18, 0.0)))
+    R_left, R_right = aligning_rotations(raw.T_right_left)
+    np.testing.assert_allclose(R_right @ raw.T_right_left.matrix[:3, :3], R_left, atol=1e-12)
+    t_m = R_right @ raw.T_right_left.translation_m
+    np.testing.assert_allclose(t_m, [-np.hypot(0.12, 0.18), 0, 0], atol=1e-12)
 
 
 def test_cameras_that_look_apart():

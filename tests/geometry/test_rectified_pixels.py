@@ -28,6 +28,7 @@ def test_maps_are_opencvs(lens: str, alpha: float):
         np.testing.assert_array_equal(got.seen, inside)
         np.testing.assert_allclose(got.uv[inside], np.stack([u, v], -1)[inside], atol=1e-3)
         assert got.seen.mean() > 0.5
+        assert (got.uv[~got.seen] < -8).all()  # outside for every way to interpolate
 
 
 @pytest.mark.parametrize("channels", [(), (3,)])
@@ -38,15 +39,17 @@ def test_pictures_are_what_opencv_makes_of_them(dtype: type, channels: tuple[int
     rng = np.random.default_rng(0)
     image = rng.integers(0, np.iinfo(dtype).max, (480, 640, *channels)).astype(dtype)
     image = cv2.GaussianBlur(image, (0, 0), 2.0)
-    u, v = cv2.initUndistortRectifyMap(
-        rig.left.K, rig.left.distortion, planned.R_left, planned.rig.left.K, (640, 480),
-        cv2.CV_32FC1,
-    )  # fmt: skip
-    want = cv2.remap(image, u, v, cv2.INTER_LINEAR).astype(float)
-    left, _ = PairMaps.of(planned).apply(image, image)
-    assert left.dtype == dtype
-    # Fixed-point places: up to 1/64 px off, in pictures whose slope is some grey levels a pixel.
-    assert np.abs(left - want)[2:-2, 2:-2].max() <= np.iinfo(dtype).max * 3 / 255
+    pictures = PairMaps.of(planned).apply(image, image)
+    for got, camera, R in zip(
+        pictures, (rig.left, rig.right), (planned.R_left, planned.R_right), strict=True
+    ):
+        u, v = cv2.initUndistortRectifyMap(
+            camera.K, camera.distortion, R, planned.rig.left.K, (640, 480), cv2.CV_32FC1
+        )
+        want = cv2.remap(image, u, v, cv2.INTER_LINEAR).astype(float)
+        assert got.dtype == dtype
+        # Fixed-point places: up to 1/64 px off, in pictures whose slope is some grey levels a pixel
+        assert np.abs(got - want)[2:-2, 2:-2].max() <= np.iinfo(dtype).max * 3 / 255
 
 
 def test_what_no_camera_saw_is_black_and_masked():
@@ -89,6 +92,35 @@ def test_maps_are_computed_once():
     first = PairMaps.of(rectification(raw_rig(5)))
     assert PairMaps.of(rectification(raw_rig(5))) is first
     assert PairMaps.of(rectification(raw_rig(5), zoom=1.1)) is not first
+
+
+def test_maps_are_those_of_all_that_they_follow_from():
+    """A plan that differs in one number alone has maps of its own."""
+    plan = rectification(raw_rig(5))
+    eye = plan.raw.right
+    raws = (
+        replace(plan.raw, right=replace(eye, distortion=0.5 * eye.distortion)),
+        replace(plan.raw, right=replace(eye, distortion=eye.distortion[:4], model="fisheye")),
+        replace(plan.raw, right=replace(eye, K=eye.K + np.diag([3.0, 0, 0]))),
+        replace(plan.raw, left=replace(plan.raw.left, K=plan.raw.left.K + np.diag([3.0, 0, 0]))),
+    )
+    turn = cv2.Rodrigues(np.array([0.0, 0.0, 0.01]))[0]
+    others = (
+        *(replace(plan, raw=raw) for raw in raws),
+        replace(plan, R_right=turn @ plan.R_right),
+        replace(plan, R_left=turn @ plan.R_left),
+    )
+    usual = PairMaps.of(plan)
+    for number, other in enumerate(others):
+        maps = PairMaps.of(other)
+        changed = [
+            not np.array_equal(now[0], before[0])
+            for now, before in ((maps.left, usual.left), (maps.right, usual.right))
+        ]
+        assert changed == [number in (3, 5), number not in (3, 5)]
+    few = PairMaps.of(replace(plan, shown_rows=(100, 200))).mask
+    assert few.left.any(axis=1).nonzero()[0].tolist() == list(range(100, 200))
+    assert (usual.mask is None) or usual.mask.left[:100].any()
 
 
 def test_a_pair_that_shows_something_everywhere_needs_no_mask():
