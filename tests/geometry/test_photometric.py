@@ -81,3 +81,54 @@ def test_the_largest_difference_counts_colours_and_corners():
         PhotometricDifference((1.0, 1.0, 1.0), 1.0, -0.2),
     ):
         assert other.largest > 0.03
+
+
+def test_noise_of_the_left_eye_does_not_make_gamma_smaller():
+    """A slope fitted one way is drawn towards 0 by noise of what it is fitted against."""
+    rng = np.random.default_rng(0)
+    level = rng.uniform(0.4, 0.6, (4000, 1))
+    left, right = level + rng.normal(0, 0.03, (2, 4000, 1))
+    found = fit_difference(left, 0.8 * right, np.full(4000, 0.2))
+    assert found.gamma == pytest.approx(1.0, abs=0.03)
+
+
+def test_what_clips_the_right_eye_makes_its_gain_no_smaller():
+    left, right, radius2 = seen((1.8,), 1.0, 0.0, noise=0.05, wrong=0.0)
+    found = fit_difference(np.maximum(left, 1e-3), np.clip(right, 1e-3, 1), radius2)
+    assert found.seen(0.35)[0] / 0.35 == pytest.approx(1.8, rel=0.01)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_one_brightness_tells_no_gamma_whatever_the_noise(seed: int):
+    noise = np.random.default_rng(seed).normal(0, 0.002, (2, 500, 1))
+    left, right = np.array([[[0.5]], [[0.4]]]) + noise
+    found = fit_difference(left, right, np.full(500, 0.2))
+    assert found.gamma == pytest.approx(1.0, abs=0.1)
+    assert found.seen(0.5, 0.2) == pytest.approx([0.4], abs=0.001)
+
+
+def test_what_is_left_is_without_what_corners_lose():
+    found = fit_difference(*seen((0.8,), 1.2, -0.4, noise=0.0, wrong=0.0))
+    assert found.residual < 1e-3
+    noisy = fit_difference(*seen((0.8,), 1.2, -0.4, noise=0.02, wrong=0.0))
+    assert 0.02 < noisy.residual < 0.1
+
+
+def test_both_eyes_are_clipped_where_either_is():
+    levels = np.arange(256, dtype=np.uint8)[None, :].repeat(2, axis=0)
+    twice = PhotometricDifference((2.0,), 1.0, 0.0, 100, 0.0)  # the right eye is white from 128 on
+    left, right = twice.clipped_alike(levels, levels)
+    np.testing.assert_array_equal(left, np.minimum(levels, int(0.97 / 2 * 255)))
+    np.testing.assert_array_equal(right, levels)
+    half = PhotometricDifference((0.5,), 1.0, 0.0, 100, 0.0)
+    left, right = half.clipped_alike(levels, levels)
+    np.testing.assert_array_equal(left, levels)
+    np.testing.assert_array_equal(right, np.minimum(levels, int(0.97 / 2 * 255)))
+
+
+def test_brightness_is_that_of_middle_grey_and_nothing_is_brighter_than_white():
+    bent = PhotometricDifference((0.9, 1.0, 1.2), 2.0, 0.0, 9, 0.0)
+    assert bent.brightness == pytest.approx(0.5)
+    assert bent.cast == pytest.approx(1.2 / 0.9)
+    bright = PhotometricDifference((1.6,), 1.0, 0.0, 9, 0.0)
+    assert bright.largest == pytest.approx(0.6 * 0.55)  # 0.75 would become 1.2, and is white
