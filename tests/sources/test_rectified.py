@@ -19,15 +19,17 @@ from pseudolidar.geometry.rectification import aligning_rotations
 from pseudolidar.geometry.rectified_pixels import unmasked
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.other_rig import opened_with_rig
-from pseudolidar.sources.rectified import Rectify, in_one_view, raw_rig, rectified
+from pseudolidar.sources.rectified import Rectify, exchanged, in_one_view, raw_rig, rectified
+from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import pairs_of
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.camera import Camera
 from pseudolidar.structures.correction import RowCorrection
-from pseudolidar.structures.frame import RawPair, StereoFrame
+from pseudolidar.structures.frame import LidarScan, RawPair, StereoFrame
 from pseudolidar.structures.image_size import ImageSize
+from pseudolidar.structures.motion import BodyMotion
 from pseudolidar.structures.pose import Pose
 from tests.lens_worlds import T_world_left, raw_pair, true_depth, true_ranges, world_rig
 
@@ -213,6 +215,79 @@ def test_the_body_turns_with_the_left_camera_unless_it_is_another_sensor(pinhole
     lidar = Pose("camera_left", "velodyne", np.eye(4))
     mounted = replace(pair, rig=replace(pair.rig, T_left_velodyne=lidar))
     assert rectified(mounted, Rectify()).pose is pair.pose
+
+
+def with_lidar(pair: RawPair) -> RawPair:
+    """The pair with a scan of a LiDAR above it, a motion and a note."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = [[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]
+    matrix[:3, 3] = 0.1, -0.3, 0.2
+    lidar = Pose("camera_left", "velodyne", matrix)
+    return replace(
+        pair,
+        rig=replace(pair.rig, T_left_velodyne=lidar),
+        scan=LidarScan(np.array([[4.0, 1.0, -0.5]], np.float32), None, "velodyne", 5),
+        motion=BodyMotion("velodyne", np.array([10.0, 0, 0]), np.zeros(3)),
+        notes=("a note",),
+    )
+
+
+def test_a_scan_stays_beside_the_pair_where_it_was(pinhole: RawPair) -> None:
+    pair = with_lidar(pinhole)
+    frame = rectified(pair, Rectify())
+    assert frame.scan is pair.scan
+    assert frame.motion is pair.motion
+    assert frame.notes == ("a note",)
+    in_left = pair.rig.T_left_velodyne.apply(pair.scan.xyz)
+    in_rectified = frame.rig.T_left_velodyne.apply(pair.scan.xyz)
+    R_left = aligning_rotations(pair.rig.T_right_left)[0]
+    np.testing.assert_allclose(in_rectified, in_left @ R_left.T, atol=1e-6)
+
+
+def test_a_scan_stays_beside_the_views_where_it_was(fisheye: RawPair) -> None:
+    pair = with_lidar(fisheye)
+    body = rectified(pair, Rectify(views=2))
+    assert body.scan is pair.scan
+    assert body.notes == ("a note",)
+    assert all(view.notes == () for view in body.pairs.values())
+    on_body = body.T_base_link_lidar.apply(pair.scan.xyz)
+    for name, view in body.pairs.items():
+        in_view = view.rig.T_left_velodyne.apply(pair.scan.xyz)
+        by_view = body.T_base_link_left[name].apply(in_view)
+        np.testing.assert_allclose(by_view, on_body, atol=1e-6)
+
+
+def test_each_view_is_a_source_of_its_own(fisheye: RawPair, tmp_path: Path) -> None:
+    rectify = Rectify(views=2, size=ImageSize(200, 150))
+    source = opened_with_rig(Folders(str(stored(fisheye, tmp_path))), None, rectify=rectify)
+    body = source.load(0)
+    assert tuple(source.parts) == tuple(body.pairs) == ("view_0", "view_1")
+    for name, part in source.parts.items():
+        view = part.load(0)
+        assert part.yields is StereoFrame
+        np.testing.assert_array_equal(view.left, body.pairs[name].left)
+        np.testing.assert_array_equal(part.rig.P_left, view.rig.P_left)
+        assert view.size_px[0] == 200  # the width; the height follows from what is seen
+    upper, lower = (part.load(0).left for part in source.parts.values())
+    assert not np.array_equal(upper, lower)
+
+
+def test_pairs_can_be_exchanged_before_they_are_rectified(pinhole: RawPair, tmp_path: Path) -> None:
+    source = opened_with_rig(Folders(str(stored(pinhole, tmp_path))), None)
+    want = rectified(replace(pinhole, left=pinhole.right, right=pinhole.left), Rectify())
+    for every in (source, select(source, FrameSelection.parse("0"), None)):
+        got = exchanged(every).load(0)
+        np.testing.assert_array_equal(got.left, want.left)
+        np.testing.assert_array_equal(got.right, want.right)
+
+
+def test_the_note_says_what_is_shown(pinhole: RawPair, tmp_path: Path) -> None:
+    source = opened_with_rig(Folders(str(stored(pinhole, tmp_path))), None)
+    K = source.rig.left.K
+    ends = np.array([[0.0, 0.0, 1.0], [479.0, 359.0, 1.0]]) @ np.linalg.inv(K).T
+    wide, high = np.rad2deg(np.arctan(ends[1, :2]) - np.arctan(ends[0, :2]))
+    (note,) = [note for note in source.summary.notes if note.startswith("rectified")]
+    assert f"to 480x360 px, f {K[0, 0]:.1f} px, {wide:.0f} x {high:.0f} deg" in note
 
 
 def test_pictures_that_are_said_to_be_rectified_are_not_bent(
