@@ -19,6 +19,7 @@ from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
+from pseudolidar.running.new_file import check_new_file
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.stream import stream
@@ -91,13 +92,7 @@ def run(job: Align) -> AlignReport:
         NoPairs: the source is not several pairs on one body.
         OverlapInsufficient: what is seen does not tell a place.
     """
-    if job.out.exists() and not job.overwrite:
-        raise UsageError(
-            "there is such a file already",
-            want="a new name",
-            fix="Name another file, or pass --overwrite.",
-            path=job.out,
-        )
+    check_new_file(job.out, overwrite=job.overwrite)
     source, crew = opened(job), CrewPlan(job.workers)
     body = body_of(source)
     root = _root(body, job.root)

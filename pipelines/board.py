@@ -13,10 +13,12 @@ from pseudolidar.calibration.boards.sheet import Paper, Sheet, fitting_square_m,
 from pseudolidar.errors import ALL_DONE, UsageError
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME
+from pseudolidar.running.new_file import check_new_file
 
 # Counts of boards of which only the kind is said: such as fill a sheet of A4.
 USUAL = {"chessboard": "9x6", "charuco": "8x6", "circles": "9x7", "acircles": "4x11",
          "aprilgrid": "6x6"}  # fmt: skip
+# Pixels an inch of a PNG: what screens have, and what the finest printers have.
 RESOLUTIONS = (72, 2400)
 
 
@@ -94,13 +96,7 @@ def run(job: DrawBoard) -> BoardReport:
         raise UsageError(
             f"a file named {job.out.name}", want=f"one of {', '.join(WRITERS)}", where="--out"
         )
-    if job.out.exists() and not (job.overwrite and job.out.is_file()):
-        raise UsageError(
-            "a folder" if job.out.is_dir() else "there is such a file already",
-            want="the name of a new file",
-            fix="Name another with --out, or pass --overwrite.",
-            path=job.out,
-        )
+    check_new_file(job.out, overwrite=job.overwrite)
     if not RESOLUTIONS[0] <= job.dpi <= RESOLUTIONS[1]:
         raise UsageError(
             f"{job.dpi} dpi", want=f"{RESOLUTIONS[0]} to {RESOLUTIONS[1]}", where="--dpi"

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
-from pseudolidar.errors import CalibrationField, PseudolidarError, UsageError
+from pseudolidar.errors import CalibrationField, PseudolidarError
 from pseudolidar.formats.pictures.image import read_size
 from pseudolidar.formats.rigs.rig_file import read_any_rig
 from pseudolidar.formats.rigs.rig_reading import Pictures, RigReading, RigUnit
@@ -18,6 +18,7 @@ from pseudolidar.formats.rigs.rig_writers import (
     write_any_rig,
 )
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME
+from pseudolidar.running.new_file import check_new_file
 from pseudolidar.running.reports.rig_report import RigReport
 from pseudolidar.sources.folder_layout import list_folders, list_pictures
 from pseudolidar.structures.image_size import ImageSize
@@ -74,8 +75,8 @@ def run(job: Rig) -> RigReport:
         PseudolidarError: what the reader or the writer refuses.
     """
     form = None if job.out is None else job.to or form_of(job.out)
-    if job.out is not None and form is not None and not job.overwrite:
-        _check_new(files_of(job.out, form))
+    for file in () if job.out is None or form is None else files_of(job.out, form):
+        check_new_file(file, overwrite=job.overwrite)
     found, known_size, notes = _read(job)
     reading = _meant(found, job)
     if job.out is None:
@@ -89,17 +90,6 @@ def run(job: Rig) -> RigReport:
         )
     written = write_any_rig(job.out, reading, form=form)
     return RigReport(reading, known_size, written, notes)
-
-
-def _check_new(files: tuple[Path, ...]) -> None:
-    for file in files:
-        if file.exists():
-            raise UsageError(
-                "there is such a file already",
-                want="a new name",
-                fix="Name another file, or pass --overwrite.",
-                path=file,
-            )
 
 
 def _meant(reading: RigReading, job: Rig) -> RigReading:

@@ -32,9 +32,10 @@ from pseudolidar.formats.rigs.k_txt import write_k_txt
 from pseudolidar.formats.rigs.kalibr import write_camchain
 from pseudolidar.formats.rigs.kitti import encode_object_calib
 from pseudolidar.formats.rigs.middlebury import write_middlebury_calib
-from pseudolidar.formats.rigs.opencv_rig_writers import write_camera_info, write_opencv_yaml
+from pseudolidar.formats.rigs.opencv_rig_writers import write_camera_info, write_opencv
 from pseudolidar.formats.rigs.rig_file import read_any_rig
 from pseudolidar.formats.rigs.rig_json import write_rig
+from pseudolidar.formats.rigs.rig_reading import unchanged
 from pseudolidar.formats.time_table import read_time_table
 from pseudolidar.formats.timestamps import read_times, read_timestamps
 from pseudolidar.formats.tum import read_associations, read_picture_list, read_tum_trajectory
@@ -110,7 +111,7 @@ def camera_info() -> list[bytes]:
     """Of the left eye and of the right one."""
     with tempfile.TemporaryDirectory() as folder:
         left, right = Path(folder) / "left.yaml", Path(folder) / "right.yaml"
-        write_camera_info(left, right, small_rig())
+        write_camera_info(left, right, unchanged(small_rig()))
         return [left.read_bytes(), right.read_bytes()]
 
 
@@ -280,7 +281,7 @@ def _rig(name: str, *writers: Callable[[Path], Any]) -> Reader:
 
 READERS = {
     "rig-yaml": Reader(
-        lambda: by_opencv("yml") + written("a.yml", partial(write_opencv_yaml, rig=RIG)),
+        lambda: by_opencv("yml") + written("a.yml", partial(write_opencv, rig=RIG)),
         read_rig,
         "a.yml",
     ),

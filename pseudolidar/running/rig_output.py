@@ -7,18 +7,13 @@ from pathlib import Path
 from pseudolidar.errors import PseudolidarError, UsageError
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.rigs.rig_json import read_rig, write_rig
+from pseudolidar.running.new_file import check_new_file
 from pseudolidar.structures.camera import StereoRig
 
 
 def check_rig_place(out: Path, *, overwrite: bool) -> None:
     """Raise `UsageError` where a file would be written over, unasked or one that is no rig."""
-    if out.exists() and not (overwrite and out.is_file()):
-        raise UsageError(
-            "a folder" if out.is_dir() else "there is such a file already",
-            want="the name of a new file",
-            fix="Name another with --out, or pass --overwrite to replace a file.",
-            path=out,
-        )
+    check_new_file(out, overwrite=overwrite)
     if out.exists():
         try:
             read_rig(out)

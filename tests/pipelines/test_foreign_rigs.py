@@ -15,8 +15,9 @@ from pseudolidar.cli import main
 from pseudolidar.formats.rigs.k_txt import write_k_txt
 from pseudolidar.formats.rigs.kitti import write_odometry_calib
 from pseudolidar.formats.rigs.middlebury import write_middlebury_calib
-from pseudolidar.formats.rigs.opencv_rig_writers import write_camera_info, write_opencv_yaml
+from pseudolidar.formats.rigs.opencv_rig_writers import write_camera_info, write_opencv
 from pseudolidar.formats.rigs.rig_json import read_rig
+from pseudolidar.formats.rigs.rig_reading import unchanged
 from pseudolidar.structures.camera import StereoRig
 
 
@@ -31,12 +32,12 @@ def opencv(path: Path, rig: StereoRig, *, unit: float = 1.0) -> Path:
 
 
 def ours(path: Path, rig: StereoRig) -> Path:
-    write_opencv_yaml(path, rig)
+    write_opencv(path, rig)
     return path
 
 
 def ros(folder: Path, rig: StereoRig) -> Path:
-    write_camera_info(folder / "left.yaml", folder / "right.yaml", rig)
+    write_camera_info(folder / "left.yaml", folder / "right.yaml", unchanged(rig))
     return folder
 
 

@@ -21,8 +21,9 @@ from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.pictures.image import encode_png
 from pseudolidar.formats.points.cloud_file import read_cloud
 from pseudolidar.formats.points.velodyne_bin import read_velodyne_bin
-from pseudolidar.formats.rigs.opencv_rig_writers import write_camera_info, write_opencv_yaml
+from pseudolidar.formats.rigs.opencv_rig_writers import write_camera_info, write_opencv
 from pseudolidar.formats.rigs.rig_json import write_rig
+from pseudolidar.formats.rigs.rig_reading import unchanged
 from pseudolidar.formats.timestamps import write_timestamps
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.source import pairs_of
@@ -130,13 +131,13 @@ def opencv(folder: Path, real: Real, suffix: str) -> Path:
 
 
 def yaml(folder: Path, real: Real) -> Path:
-    write_opencv_yaml(pictures(folder, real) / "stereo.yaml", real.rig)
+    write_opencv(pictures(folder, real) / "stereo.yaml", real.rig)
     return folder
 
 
 def camera_info(folder: Path, real: Real) -> Path:
     place = pictures(folder, real)
-    write_camera_info(place / "left.yaml", place / "right.yaml", real.rig)
+    write_camera_info(place / "left.yaml", place / "right.yaml", unchanged(real.rig))
     return folder
 
 

@@ -15,8 +15,8 @@ from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera, StereoRig
 
 Fields = Mapping[str, Float64 | int | str]
-# Fewest numbers of ROS's lens models, by name; what `image_geometry` hands to OpenCV.
-_PLUMB_BOB = 5
+# Numbers of ROS's plumb_bob, and of a pinhole lens of which none are known; those of a fisheye.
+_PLUMB_BOB, _EQUIDISTANT = 5, 4
 
 
 # --- OpenCV --------------------------------------------------------------------------------------
@@ -38,11 +38,6 @@ def write_opencv(path: Path, rig: StereoRig, rectified: Rectification | None = N
     """
     text = _TEXTS.get(path.suffix.lower(), _yaml)
     write_atomic(path, text(_opencv_fields(rig, rectified)).encode())
-
-
-def write_opencv_yaml(path: Path, rig: StereoRig) -> None:
-    """Write a rig as OpenCV's YAML, whatever the file's name. See `write_opencv`."""
-    write_atomic(path, _yaml(_opencv_fields(rig, None)).encode())
 
 
 def _opencv_fields(rig: StereoRig, rectified: Rectification | None) -> Fields:
@@ -78,7 +73,7 @@ def _size_fields(rig: StereoRig) -> dict[str, int]:
 
 def _row(camera: Camera) -> Float64:
     """(1, n) distortion; OpenCV knows no camera without."""
-    count = 4 if camera.model == "fisheye" else _PLUMB_BOB
+    count = _EQUIDISTANT if camera.model == "fisheye" else _PLUMB_BOB
     numbers = camera.distortion if len(camera.distortion) else np.zeros(count)
     return numbers.reshape(1, -1)
 
@@ -134,20 +129,15 @@ def _listed(value: Float64) -> str:
 # --- ROS -----------------------------------------------------------------------------------------
 
 
-def write_camera_info(left: Path, right: Path, rig: StereoRig) -> None:
-    """Write a rectified rig as two ROS `camera_info` YAML files with all digits.
-
-    Raises:
-        NotRectified: P of an unrectified rig is not known: see `write_raw_camera_info`.
-        OutputError: a file cannot be written.
-    """
-    write_raw_camera_info(left, right, unchanged(rig))
-
-
-def write_raw_camera_info(left: Path, right: Path, rectified: Rectification) -> None:
+def write_camera_info(left: Path, right: Path, rectified: Rectification) -> None:
     """Write the cameras as they are, and how they are rectified, as two `camera_info` YAML files.
 
     K and D are of the pictures as they are taken, R and P of the rectified ones.
+
+    Args:
+        left: file of the left camera.
+        right: file of the right one.
+        rectified: how the pictures are rectified; `unchanged` of a rig that is.
 
     Raises:
         OutputError: a file cannot be written.

@@ -20,7 +20,7 @@ from pseudolidar.formats.rigs.kitti import (
     write_odometry_calib,
     write_raw_calib,
 )
-from pseudolidar.formats.rigs.opencv_rig_writers import write_opencv, write_raw_camera_info
+from pseudolidar.formats.rigs.opencv_rig_writers import write_camera_info, write_opencv
 from pseudolidar.formats.rigs.rig_json import write_rig
 from pseudolidar.formats.rigs.rig_reading import RigReading, unchanged
 from pseudolidar.geometry.rectification import Rectification, aligning_rotations, rectification
@@ -126,7 +126,7 @@ def write_any_rig(
         case "opencv":
             write_opencv(path, reading.raw or reading.of_rectified, _known_plan(reading))
         case "ros":
-            write_raw_camera_info(files[0], files[1], _plan(reading, notes))
+            write_camera_info(files[0], files[1], _plan(reading, notes))
         case "kalibr":
             write_camchain(path, _one_rig(reading, notes))
         case "kitti-raw":
@@ -180,9 +180,9 @@ def _plan(reading: RigReading, notes: list[str]) -> Rectification:
 
 def _lost(reading: RigReading, form: RigForm) -> list[str]:
     """What the rig has and the form has not."""
-    rig = reading.rectified or reading.raw
-    if rig is None or form == "rig":
+    if form == "rig":
         return []
+    rig = reading.of_pictures
     lost = {
         "the disparity correction": rig.correction is not None,
         "the row correction": rig.rows is not None,

@@ -92,11 +92,14 @@ def cloud_lines(compared: CloudComparison | None) -> list[str]:
 
 
 def _row(name: str, each: CloudFigures) -> tuple[str, ...]:
+    return (name, *cloud_cells(each), str(each.n))
+
+
+def cloud_cells(each: CloudFigures) -> tuple[str, ...]:
+    """Distances and F-scores of a bin, in the order that all tables have them."""
     lengths = ("accuracy_m", "accuracy_median_m", "completeness_m", "completeness_median_m")
     scores = (f"f_score_{radius:g}".replace(".", "_") for radius in F_RADII_M)
     return (
-        name,
         *(bare_metres(each.figures[length]) for length in (*lengths, "chamfer_m")),
         *(bare(each.figures[score], digits=1) for score in scores),
-        str(each.n),
     )

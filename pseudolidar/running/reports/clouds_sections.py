@@ -5,6 +5,7 @@ from __future__ import annotations
 from pseudolidar.evaluation.comparison.clouds import F_RADII_M, CloudComparison, CloudFigures
 from pseudolidar.evaluation.comparison.plots.clouds import distances_plot, scores_plot
 from pseudolidar.evaluation.page import Picture, PictureRow, Section
+from pseudolidar.running.reports.clouds_report import cloud_cells
 from pseudolidar.running.reports.numbers import bare, bare_metres
 
 CLOUDS_HEADER = (
@@ -69,12 +70,4 @@ def _bins(compared: CloudComparison) -> list[tuple[str, CloudFigures]]:
 
 
 def _row(name: str, each: CloudFigures) -> tuple[str, ...]:
-    lengths = ("accuracy_m", "accuracy_median_m", "completeness_m", "completeness_median_m")
-    scores = (f"f_score_{radius:g}".replace(".", "_") for radius in F_RADII_M)
-    return (
-        name,
-        *(bare_metres(each.figures[length]) for length in (*lengths, "chamfer_m")),
-        *(bare(each.figures[score], digits=1) for score in scores),
-        f"{each.n:,}",
-        f"{each.reference:,}",
-    )
+    return (name, *cloud_cells(each), f"{each.n:,}", f"{each.reference:,}")

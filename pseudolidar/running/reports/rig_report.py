@@ -46,9 +46,7 @@ class RigReport:
     @property
     def rig(self) -> StereoRig:
         """The rig of rectified pictures where that is known, else of those as taken."""
-        rig = self.reading.rectified or self.reading.raw
-        assert rig is not None  # no reader returns a reading without either
-        return rig
+        return self.reading.of_pictures
 
     @property
     def warnings(self) -> tuple[str, ...]:

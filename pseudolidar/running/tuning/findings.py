@@ -81,6 +81,16 @@ class Found:
         return self.candidate != self.start
 
     @property
+    def losses(self) -> dict[str, Any]:
+        """How good they are, for JSON."""
+        return {
+            "loss_tuned_on": self.tuned,
+            "loss_held": self.held,
+            "held_first": self.first.as_dict(),
+            "held_best": self.best.as_dict(),
+        }
+
+    @property
     def changes(self) -> list[tuple[str, Any, Any]]:
         """Settings that differ: name, before, now."""
         return settings_differences(to_json(self.start), to_json(self.candidate))
@@ -94,14 +104,7 @@ def write_settings(path: Path, found: Found, about: dict[str, Any]) -> None:
         found: the settings, with their figures.
         about: what they were tuned on.
     """
-    told = {
-        **about,
-        "loss_tuned_on": found.tuned,
-        "loss_held": found.held,
-        "held_first": found.first.as_dict(),
-        "held_best": found.best.as_dict(),
-    }
-    settings = to_json(found.candidate)
+    settings, told = to_json(found.candidate), {**about, **found.losses}
     data = {"schema": SCHEMA, FOR_EVERY_VERB: told, "settings": settings}
     write_atomic(path, (json.dumps(data, indent=2) + "\n").encode())
 
@@ -152,10 +155,7 @@ class TuneReport:
             "subject": self.subject,
             "by": self.by,
             "improved": found.improved,
-            "loss_tuned_on": found.tuned,
-            "loss_held": found.held,
-            "held_first": found.first.as_dict(),
-            "held_best": found.best.as_dict(),
+            **found.losses,
             "settings": to_json(found.candidate),
             "changes": [
                 {"name": name, "before": before, "now": now} for name, before, now in found.changes

@@ -26,6 +26,10 @@ FIRST_ROUND, ROUND = 16, 12
 KEPT_SHARE = 3
 # Parents of new candidates: the best that were judged on all frames.
 PARENTS = 4
+# So many of the best are remembered: those who may become parents as others drop out.
+REMEMBERED = 12
+# A loss that is no less, so that shares of it are finite.
+LEAST_LOSS = 1e-9
 # New candidates: share that is drawn anywhere, share of settings that a child changes, and by how
 # much (one standard deviation of the unit cube) at first and at last, falling by a factor a round.
 ANYWHERE, CHANGED, CROSSED = 0.2, 0.35, 0.4
@@ -130,7 +134,7 @@ class Search:
             [self.trials.known[key, part.id].judgement.loss for key in (own, first)]
             for part in frames
         ]
-        return float(np.mean([mine / max(usual, 1e-9) for mine, usual in losses]))
+        return float(np.mean([mine / max(usual, LEAST_LOSS) for mine, usual in losses]))
 
     def seconds(self, candidate: Candidate, frames: Sequence[JudgedFrame]) -> float:
         """How long a map of a judged candidate took: the quickest, others were disturbed."""
@@ -218,7 +222,7 @@ class Search:
             held = self.score(scored.candidate, self.frames.held)
             if held <= 1.0:
                 self.on_best(scored, held)
-        self._elite = sorted([*self._elite, scored], key=lambda each: each.score)[: 3 * PARENTS]
+        self._elite = sorted([*self._elite, scored], key=lambda each: each.score)[:REMEMBERED]
 
     def _note(self, candidate: Candidate) -> None:
         self.tried[key_of(candidate)] = candidate

@@ -20,7 +20,7 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.limits import Limits
 from pseudolidar.formats.rigs.k_txt import write_k_txt
-from pseudolidar.formats.rigs.opencv_rig_writers import write_opencv_yaml
+from pseudolidar.formats.rigs.opencv_rig_writers import write_opencv
 from pseudolidar.formats.rigs.rig_file import read_any_rig
 from tests.formats.rigs.test_rig_file import (
     CALIB,
@@ -148,7 +148,7 @@ def test_millions_of_values_are_no_calibration(
 def files(folder: Path) -> dict[str, Path]:
     """One good file of each format."""
     mine = rig()
-    write_opencv_yaml(folder / "own.yml", mine)
+    write_opencv(folder / "own.yml", mine)
     write_k_txt(folder / "K.txt", mine)
     (folder / "calib.txt").write_text(CALIB)
     (folder / "one.yaml").write_text(f"---\n{LEFT}---\n{RIGHT}")

@@ -21,9 +21,10 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.rigs.k_txt import write_k_txt
 from pseudolidar.formats.rigs.middlebury import read_middlebury_calib, write_middlebury_calib
-from pseudolidar.formats.rigs.opencv_rig_writers import write_camera_info, write_opencv_yaml
+from pseudolidar.formats.rigs.opencv_rig_writers import write_camera_info, write_opencv
 from pseudolidar.formats.rigs.rig_file import read_any_rig
 from pseudolidar.formats.rigs.rig_json import write_rig
+from pseudolidar.formats.rigs.rig_reading import unchanged
 from pseudolidar.geometry.triangulation import points_by_p, points_by_q
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.pose import Pose
@@ -164,7 +165,7 @@ def test_an_unrectified_rig_is_read_and_refused_where_a_rectified_one_is_needed(
 def test_our_yaml_is_opencvs_and_ours(tmp_path: Path) -> None:
     for number, mine in enumerate((rig(), rig(doffs_px=2.5))):
         path = tmp_path / f"{number}.yml"
-        write_opencv_yaml(path, mine)
+        write_opencv(path, mine)
         assert_same_cameras(read_any_rig(path).of_rectified, mine)
         storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
         for name, want in (("M1", mine.left.K), ("P2", mine.P_right)):
@@ -243,7 +244,7 @@ def test_a_message_as_ros_prints_it(tmp_path: Path) -> None:
 
 def test_our_camera_info_is_read_back(tmp_path: Path) -> None:
     mine = rig(doffs_px=2.5)
-    write_camera_info(tmp_path / "left.yaml", tmp_path / "right.yaml", mine)
+    write_camera_info(tmp_path / "left.yaml", tmp_path / "right.yaml", unchanged(mine))
     got = read_any_rig(tmp_path).of_rectified
     assert got.left.K.tobytes() == mine.left.K.tobytes()
     assert got.right.K.tobytes() == mine.right.K.tobytes()
@@ -256,7 +257,7 @@ def test_our_camera_info_is_read_back(tmp_path: Path) -> None:
         )
     )  # fmt: skip
     with pytest.raises(NotRectified):
-        write_camera_info(tmp_path / "left.yaml", tmp_path / "right.yaml", raw)
+        write_camera_info(tmp_path / "left.yaml", tmp_path / "right.yaml", unchanged(raw))
 
 
 # --- K.txt, Middlebury, KITTI, ours ------------------------------------------------------------
