@@ -15,7 +15,13 @@ import numpy as np
 
 from pseudolidar.calibration.overlap import Overlap, Trust
 from pseudolidar.calibration.overlap_board import SharedBoard
-from pseudolidar.calibration.overlap_partners import Sights, all_partners, distances_of, system
+from pseudolidar.calibration.overlap_partners import (
+    Sights,
+    all_partners,
+    distances_of,
+    system,
+    twist_of,
+)
 from pseudolidar.calibration.overlap_trust import (
     check_connected,
     check_held,
@@ -24,7 +30,7 @@ from pseudolidar.calibration.overlap_trust import (
     covariance_of,
     spread_of,
 )
-from pseudolidar.geometry.twists import exp_twist
+from pseudolidar.geometry.twists import exp_twist, skew
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.pose import Pose
 
@@ -112,7 +118,7 @@ def _with_gate(
 def _moved(places: Mapping[str, Pose], free: Sequence[str], step: Float64) -> dict[str, Pose]:
     moved = dict(places)
     for at, name in enumerate(free):
-        matrix = exp_twist(step[6 * at : 6 * at + 6]) @ places[name].matrix
+        matrix = exp_twist(step[twist_of(at)]) @ places[name].matrix
         moved[name] = Pose(places[name].dst, places[name].src, matrix)
     return moved
 
@@ -132,7 +138,7 @@ class _Prior:
         turn = 1.0 / np.radians(self.trust.given_turn_deg) ** 2
         shift = 1.0 / self.trust.given_shift_m**2
         for at, name in enumerate(free):
-            block = slice(6 * at, 6 * at + 6)
+            block = twist_of(at)
             about = about_place(places[name])
             weights = about.T @ np.diag([shift] * 3 + [turn] * 3) @ about
             H[block, block] += weights
@@ -156,8 +162,7 @@ def about_place(place: Pose) -> Float64:
     A turn about the far origin of the body would be told as a shift.
     """
     about = np.eye(6)
-    x, y, z = place.translation_m
-    about[:3, 3:] = -np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    about[:3, 3:] = -skew(place.translation_m)
     return about
 
 
@@ -172,7 +177,7 @@ def _place(
     by: Overlap | SharedBoard,
     trust: Trust,
 ) -> PlaceFound:
-    block = slice(6 * at, 6 * at + 6)
+    block = twist_of(at)
     about = about_place(found[name])
     local = about @ covariance[block, block] @ about.T
     sigma = np.sqrt(np.maximum(np.diag(local), spread[block] ** 2))

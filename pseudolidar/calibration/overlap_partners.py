@@ -31,8 +31,16 @@ Sights = Sequence[FrameSight]
 class Partners:
     """Points of one pair and the surfaces of another, both in the frame of the body.
 
-    `residual_m` is their distance along the normal, `along_first` and `along_second` what an error
-    of one standard deviation along the ray of either point does to it.
+    Args:
+        first: name of the pair of the points.
+        second: of the pair of the surfaces.
+        points: (N, 3) m.
+        normals: (N, 3) of length 1, of the surfaces.
+        residual_m: (N,) distance of the point from the surface, along its normal.
+        along_first: (N,) m, what one standard deviation along the point's own ray does to it.
+        along_second: (N,) m, the same along the ray of the surface's point.
+        floor_m: no distance is surer than this.
+        rows_a_point: how many rows belong to one point; 3 where each axis is a row.
     """
 
     first: str
@@ -60,6 +68,11 @@ class Partners:
     def sigma_m(self) -> Float64:
         """(N,) error of each distance: both points err along their rays, seen along the normal."""
         return np.asarray(np.sqrt(self.along_first**2 + self.along_second**2 + self.floor_m**2))
+
+    @property
+    def jacobian(self) -> Float64:
+        """(N, 6) change of the distances with the first pair's twist, in the body's frame."""
+        return np.hstack([self.normals, np.cross(self.points, self.normals)])
 
     @property
     def weights(self) -> Float64:
@@ -151,6 +164,11 @@ def distances_of(sights: Sights, places: Mapping[str, Pose], name: str, gate_m: 
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
+def twist_of(number: int) -> slice:
+    """Where the twist of a free pair stands among those of all."""
+    return slice(6 * number, 6 * number + 6)
+
+
 def system(
     partners: Sequence[Partners], free: Sequence[str]
 ) -> tuple[Float64, Float64, int, float]:
@@ -158,8 +176,7 @@ def system(
     n = 6 * len(free)
     H, g, dof, chi2 = np.zeros((n, n)), np.zeros(n), 0, 0.0
     for each in partners:
-        J = np.hstack([each.normals, np.cross(each.points, each.normals)])
-        w = each.weights
+        J, w = each.jacobian, each.weights
         blocks = [
             (free.index(name), sign)
             for name, sign in ((each.first, 1.0), (each.second, -1.0))
@@ -167,9 +184,9 @@ def system(
         ]
         JwJ, Jwr = (J * w[:, None]).T @ J, J.T @ (w * each.residual_m)
         for i, sign_i in blocks:
-            g[6 * i : 6 * i + 6] += sign_i * Jwr
+            g[twist_of(i)] += sign_i * Jwr
             for k, sign_k in blocks:
-                H[6 * i : 6 * i + 6, 6 * k : 6 * k + 6] += sign_i * sign_k * JwJ
+                H[twist_of(i), twist_of(k)] += sign_i * sign_k * JwJ
         dof += len(w)
         chi2 += float((w * each.residual_m**2).sum())
     return H, g, dof, chi2

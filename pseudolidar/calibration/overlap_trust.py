@@ -7,7 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pseudolidar.calibration.overlap import Trust
-from pseudolidar.calibration.overlap_partners import Partners, Sights, all_partners, system
+from pseudolidar.calibration.overlap_partners import (
+    Partners,
+    Sights,
+    all_partners,
+    system,
+    twist_of,
+)
 from pseudolidar.errors import OverlapInsufficient
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.pose import Pose
@@ -38,20 +44,25 @@ def common_errors(
     share = np.sqrt(chi2 / max(dof, 1))
     inverse = np.linalg.pinv(H, rcond=1e-9, hermitian=True)
     total = np.zeros_like(H)
-    for name in {each.first for each in partners}:
-        g = np.zeros(len(H))
-        for each in partners:
-            along = each.along_first if each.first == name else each.along_second
-            if name in (each.first, each.second):
-                J = np.hstack([each.normals, np.cross(each.points, each.normals)])
-                pull = J.T @ (each.weights * along)
-                for other, sign in ((each.first, 1.0), (each.second, -1.0)):
-                    if other in free:
-                        block = slice(6 * free.index(other), 6 * free.index(other) + 6)
-                        g[block] += sign * (pull if each.first == name else -pull)
-        step = share * (inverse @ g)
+    for name in dict.fromkeys(each.first for each in partners):
+        step = share * (inverse @ _pull_of(name, partners, free))
         total += np.outer(step, step)
     return total
+
+
+def _pull_of(name: str, partners: Sequence[Partners], free: Sequence[str]) -> Float64:
+    """(6 n,) how all points of a pair pull that err along their rays by one standard deviation."""
+    pulls = np.zeros(6 * len(free))
+    for each in partners:
+        if name not in (each.first, each.second):
+            continue
+        own = each.first == name
+        along = each.along_first if own else -each.along_second
+        pull = each.jacobian.T @ (each.weights * along)
+        for other, sign in ((each.first, 1.0), (each.second, -1.0)):
+            if other in free:
+                pulls[twist_of(free.index(other))] += sign * pull
+    return pulls
 
 
 def spread_of(

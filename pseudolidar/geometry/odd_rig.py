@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pseudolidar.geometry.lens import Lens
-from pseudolidar.geometry.unrectified import rotation_deg
+from pseudolidar.geometry.unrectified import rotation_deg, side_word
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera, StereoRig
 
@@ -112,10 +112,11 @@ def _of_pose(rig: StereoRig) -> list[str]:
     angle_deg = rotation_deg(R)
     if angle_deg > ROTATION_DEG:
         found.append(f"cameras that look {angle_deg:.0f} degrees apart")
-    for off_m, words in ((place_m[1], ("above", "below")), (place_m[2], ("behind", "in front of"))):
+    for axis in (1, 2):
+        off_m = float(place_m[axis])
         if abs(off_m) > OFF_ROWS * length_m:
             found.append(
-                f"the right camera {abs(off_m):.3g} m {words[int(off_m > 0)]} the left one, of "
+                f"the right camera {abs(off_m):.3g} m {side_word(axis, off_m)} the left one, of "
                 f"{length_m:.3g} m between them"
             )
     return found

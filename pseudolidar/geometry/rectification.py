@@ -24,7 +24,10 @@ from pseudolidar.structures.pose import Pose
 
 # A flat picture that is wider spends most of its pixels on its edges.
 FISHEYE_FIELD_DEG = 120.0
-WIDEST_FIELD_DEG = 170.0
+NARROWEST_FIELD_DEG, WIDEST_FIELD_DEG = 10.0, 170.0
+# Beyond these a picture shows one thing, or is a dot; a side that is shorter holds no window, px.
+SMALLEST_ZOOM, LARGEST_ZOOM = 0.05, 20.0
+LEAST_SIDE_PX = 16
 # Pictures of pinhole lenses are not cut: what is this far off the axis is in none of them.
 PINHOLE_FIELD_DEG = 176.0
 # Points along a side of a picture by which its outline is known, as in OpenCV.
@@ -212,11 +215,14 @@ def _check_numbers(
 ) -> None:
     for name, value, low, high in (
         ("alpha", alpha, 0.0, 1.0),
-        ("zoom", zoom, 0.05, 20.0),
-        ("field", field_deg, 10.0, WIDEST_FIELD_DEG),
+        ("zoom", zoom, SMALLEST_ZOOM, LARGEST_ZOOM),
+        ("field", field_deg, NARROWEST_FIELD_DEG, WIDEST_FIELD_DEG),
     ):
         if not low <= value <= high:
             raise UsageError(f"{name} {value:g}", want=f"{low:g} to {high:g}", where="rectify")
-    if size_px is not None and min(size_px) < 16:
-        raise UsageError(f"pictures of {size_px[0]}x{size_px[1]}", want="16 px or more",
-                         where="rectify")  # fmt: skip
+    if size_px is not None and min(size_px) < LEAST_SIDE_PX:
+        raise UsageError(
+            f"pictures of {size_px[0]}x{size_px[1]}",
+            want=f"{LEAST_SIDE_PX} px or more",
+            where="rectify",
+        )

@@ -50,10 +50,21 @@ def _of_pose(T_right_left: Float64) -> list[str]:
         reasons.append(f"a rotation of {rotation_deg(R):.3g} degrees between the cameras")
     # Where the right camera stands; along its own axes where both look the same way.
     x_m, y_m, z_m = -R.T @ t_m
-    for off_m, words in ((y_m, ("above", "below")), (z_m, ("behind", "in front of"))):
+    for axis, off_m in ((1, y_m), (2, z_m)):
         if abs(off_m) > RECTIFIED_OFF_AXIS * abs(x_m):
-            reasons.append(f"the right camera {abs(off_m):.3g} m {words[int(off_m > 0)]} the left")
+            reasons.append(f"the right camera {abs(off_m):.3g} m {side_word(axis, off_m)} the left")
     return reasons
+
+
+def side_word(axis: int, off: float) -> str:
+    """On which side of the left camera the right one stands, in the left one's frame.
+
+    Args:
+        axis: 1 for y (down), 2 for z (forward).
+        off: where it stands on it; only the sign counts.
+    """
+    before, behind = {1: ("above", "below"), 2: ("behind", "in front of")}[axis]
+    return behind if off > 0 else before
 
 
 def rotation_deg(R: Float64) -> float:

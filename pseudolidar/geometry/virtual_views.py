@@ -16,6 +16,7 @@ from pseudolidar.errors import CalibrationValue, UsageError
 from pseudolidar.geometry.lens import Lens
 from pseudolidar.geometry.rectification import (
     FISHEYE_FIELD_DEG,
+    NARROWEST_FIELD_DEG,
     WIDEST_FIELD_DEG,
     Rectification,
     aligning_rotations,
@@ -122,7 +123,9 @@ def _about_baseline(angle_deg: float) -> Float64:
 def _check_numbers(views: int, field_deg: float) -> None:
     if not 1 <= views <= MOST_VIEWS:
         raise UsageError(f"{views} views", want=f"1 to {MOST_VIEWS}", where="rectify.views")
-    if not 10.0 <= field_deg <= WIDEST_FIELD_DEG:
+    if not NARROWEST_FIELD_DEG <= field_deg <= WIDEST_FIELD_DEG:
         raise UsageError(
-            f"field {field_deg:g}", want=f"10 to {WIDEST_FIELD_DEG:g}", where="rectify.field_deg"
+            f"field {field_deg:g}",
+            want=f"{NARROWEST_FIELD_DEG:g} to {WIDEST_FIELD_DEG:g}",
+            where="rectify.field_deg",
         )

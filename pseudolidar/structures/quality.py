@@ -9,6 +9,9 @@ import numpy as np
 from pseudolidar.errors import CalibrationValue
 from pseudolidar.structures.arrays import Float64, check_array
 
+# Figures of a calibration that are in pixels.
+PIXELS = ("rms_left_px", "rms_right_px", "rms_stereo_px", "holdout_row_error_px")
+
 
 @dataclass(frozen=True, eq=False)
 class CameraSigma:
@@ -117,9 +120,6 @@ class CalibrationQuality:
             else "",
         ]
         return ", ".join(part for part in parts if part)
-
-
-PIXELS = ("rms_left_px", "rms_right_px", "rms_stereo_px", "holdout_row_error_px")
 
 
 def _check_sigmas(name: str, values: Float64, count: int | None) -> None:

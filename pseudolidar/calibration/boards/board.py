@@ -19,6 +19,8 @@ FEWEST, MOST = {"chessboard": 3, "charuco": 3, "circles": 3, "acircles": 3, "apr
 # Side of a marker of a ChArUco board as a share of the square; gap of an AprilGrid as a share of
 # the tag, as Kalibr's example has it.
 MARKER_SHARE, APRIL_GAP_SHARE = 0.75, 0.3
+# Sides that boards can have: longer ones are in millimetres; of an AprilGrid's gap in tags.
+LARGEST_SQUARE_M, MOST_GAP_SHARE = 2.0, 3.0
 DICTIONARIES = {
     "4x4": "DICT_4X4_250",
     "5x5": "DICT_5X5_250",
@@ -114,14 +116,14 @@ class Board:
         return cls(name, square_m, marker_m, dictionary or usual)
 
     def __post_init__(self) -> None:
-        if not 0 < self.square_m <= 2:
+        if not 0 < self.square_m <= LARGEST_SQUARE_M:
             raise UsageError(
                 f"squares of {self.square_m:g} m",
                 want="metres, such as 0.025",
                 fix="Is it in millimetres? Write metres.",
                 where="--square",
             )
-        largest = 3 * self.square_m if self.name.kind == "aprilgrid" else self.square_m
+        largest = self.square_m * (MOST_GAP_SHARE if self.name.kind == "aprilgrid" else 1.0)
         if not 0 < self.marker_m < largest:
             raise UsageError(
                 f"markers of {self.marker_m:g} m on squares of {self.square_m:g} m",

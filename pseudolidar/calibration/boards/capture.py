@@ -18,6 +18,10 @@ STEADY_PER_1000 = 1.0
 SHARP_PER_1000, LEAST_SHARP_PX = 4.0, 3.0
 # A new view differs from all others by this, in shares of the picture (`ViewPlace`).
 NEW_DISTANCE = 0.15
+# What changes perspective tells more of a lens than a shift does: a lean counts so many times.
+LEAN_WEIGHT = 4
+# Percentiles of gradients and of grey levels that are taken for the steepest, dark and bright.
+STEEPEST, DARK, BRIGHT = 99, 5, 95
 
 
 @dataclass(frozen=True)
@@ -77,8 +81,8 @@ class ViewPlace:
             self.x - other.x,
             self.y - other.y,
             self.size - other.size,
-            4 * (self.lean_x - other.lean_x),
-            4 * (self.lean_y - other.lean_y),
+            LEAN_WEIGHT * (self.lean_x - other.lean_x),
+            LEAN_WEIGHT * (self.lean_y - other.lean_y),
             turned,
         )
         return float(np.linalg.norm(parts))
@@ -115,8 +119,8 @@ def edge_width_px(grey: UInt8, corners: Corners) -> float:
     if min(part.shape, default=0) < 3:
         return float("inf")
     down, across = np.gradient(part)
-    steepest = float(np.percentile(np.hypot(across, down), 99))
-    contrast = float(np.percentile(part, 95) - np.percentile(part, 5))
+    steepest = float(np.percentile(np.hypot(across, down), STEEPEST))
+    contrast = float(np.percentile(part, BRIGHT) - np.percentile(part, DARK))
     return contrast / steepest if steepest > 0 else float("inf")
 
 

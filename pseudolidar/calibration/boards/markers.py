@@ -18,6 +18,14 @@ LEAST_CORNERS = 6
 BORDERS = (1, 2)
 # A tag's corner may be off the place that all others give it by this share of the tag's side.
 ASTRAY_SHARE = 0.15
+# The same while the way in which tags begin is looked for: a wrong way is off by half a tag.
+WRONG_WAY_SHARE = 0.1
+# Half-width of the window in which a tag's corner is sought: this share of the gap, within limits.
+REACH_SHARE, LEAST_REACH_PX, MOST_REACH_PX = 0.3, 2, 6
+# OpenCV's steps to a corner, and the move that ends them, px.
+STEPS, ARRIVED_PX = 40, 1e-3
+# Side of a square where no two corners beside each other are seen, px.
+USUAL_SQUARE_PX = 10.0
 
 
 def find_charuco(grey: UInt8, board: Board) -> Corners | None:
@@ -68,8 +76,8 @@ def _refined_tags(grey: UInt8, found: Corners, gap_px: float) -> Corners:
     """At the saddles where small squares between the tags touch them, else at the corners."""
     import cv2
 
-    reach = int(np.clip(0.3 * gap_px, 2, 6))
-    stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 40, 1e-3)
+    reach = int(np.clip(REACH_SHARE * gap_px, LEAST_REACH_PX, MOST_REACH_PX))
+    stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, STEPS, ARRIVED_PX)
     at = np.ascontiguousarray(found.uv, np.float32).reshape(-1, 1, 2)
     fine = _flat(cv2.cornerSubPix(grey, at, (reach, reach), (-1, -1), stop))
     uv, saddle = refined_saddles(grey, fine, np.full(len(fine), gap_px))
@@ -98,7 +106,7 @@ def _on_board(uv: Float64, tags: Int64, board: Board) -> Corners:
     best, least = Corners(np.zeros(0, np.int64), np.zeros((0, 2))), np.inf
     for turn in range(4):
         flat, at = np.roll(names, -turn, axis=1).ravel(), uv.reshape(-1, 2)
-        H = cv2.findHomography(points[flat], at, cv2.RANSAC, 0.1 * _side_px(uv))[0]
+        H = cv2.findHomography(points[flat], at, cv2.RANSAC, WRONG_WAY_SHARE * _side_px(uv))[0]
         if H is None:
             continue
         off = np.linalg.norm(cv2.perspectiveTransform(points[flat][None], H)[0] - at, axis=1)
@@ -131,7 +139,7 @@ def _square_px(found: Corners, board: Board) -> float:
         for step in (1, columns)
         if corner + step in at and (step != 1 or (corner + 1) % columns)
     ]
-    return float(np.median(steps)) if steps else 10.0
+    return float(np.median(steps)) if steps else USUAL_SQUARE_PX
 
 
 def dictionary_of(board: Board) -> Any:

@@ -17,6 +17,14 @@ LEAST_BEND = 0.15
 ASTRAY_SHARE = 0.12
 # Share of the distance of corners by which a saddle's fit may move a corner.
 LARGEST_MOVE_SHARE = 0.35
+# It may move them by this in any case, px: corners are given to a few pixels.
+LEAST_MOVE_PX = 1.5
+# Corners that went astray are looked for so often where they belong.
+SOUGHT_AGAIN = 2
+# Rows and columns, and corners in all, from which on a grid is a cubic or a quadratic image.
+CUBIC_FROM, QUADRATIC_FROM = (5, 20), (3, 9)
+# How often its weights are found anew; corners are never surer than this, px.
+GRID_ROUNDS, LEAST_OFF_PX = 10, 1e-3
 
 
 def refined_saddles(grey: UInt8, uv: Float64, spacing_px: Float64) -> tuple[Float64, Bool]:
@@ -59,7 +67,9 @@ def refined_saddles(grey: UInt8, uv: Float64, spacing_px: Float64) -> tuple[Floa
             break
     strength = np.sqrt(np.maximum(-bend, 0.0))
     good &= strength >= LEAST_BEND * np.median(strength)
-    good &= np.linalg.norm(at - uv, axis=1) <= np.maximum(LARGEST_MOVE_SHARE * spacing_px, 1.5)
+    good &= np.linalg.norm(at - uv, axis=1) <= np.maximum(
+        LARGEST_MOVE_SHARE * spacing_px, LEAST_MOVE_PX
+    )
     inside = (at >= 0).all(axis=1) & (at <= np.array(grey.shape[::-1]) - 1).all(axis=1)
     good &= inside
     return np.where(good[:, None], at, uv), good
@@ -89,7 +99,7 @@ def on_grid(grey: UInt8, uv: Float64, columns: int, rows: int) -> tuple[Float64,
     """
     near_px, ids = spacing(uv, columns, rows), np.arange(len(uv), dtype=np.int64)
     found, good = refined_saddles(grey, uv, near_px)
-    for _ in range(2):
+    for _ in range(SOUGHT_AGAIN):
         lost = astray(found, ids, near_px, columns)
         if not lost.any():
             break
@@ -115,17 +125,18 @@ def _smooth_grid(uv: Float64, ids: Int64, columns: int) -> Float64:
     """Where a smooth image of the grid has its corners: a robust polynomial of column and row."""
     row, column = (_scaled(index) for index in np.divmod(ids, columns))
     fewest = min(len(np.unique(row)), len(np.unique(column)))
-    order = 3 if fewest >= 5 and len(uv) >= 20 else 2 if fewest >= 3 and len(uv) >= 9 else 1
+    enough = [fewest >= lines and len(uv) >= n for lines, n in (QUADRATIC_FROM, CUBIC_FROM)]
+    order = 1 + sum(enough)
     terms = np.stack(
         [column**i * row**j for i in range(order + 1) for j in range(order + 1 - i)], axis=1
     )
     weights = np.ones(len(uv))
     fitted = uv
-    for _ in range(10):
+    for _ in range(GRID_ROUNDS):
         root = np.sqrt(weights)[:, None]
         fitted = terms @ np.linalg.lstsq(terms * root, uv * root, rcond=None)[0]
         off = np.linalg.norm(uv - fitted, axis=1)
-        weights = 1 / (1 + (off / max(2 * float(np.median(off)), 1e-3)) ** 2)
+        weights = 1 / (1 + (off / max(2 * float(np.median(off)), LEAST_OFF_PX)) ** 2)
     return np.asarray(fitted)
 
 

@@ -29,6 +29,8 @@ MM = 1000.0
 MARGIN_MM, RULER_MM, WORDS_MM = 8.0, 12.0, 7.0
 TICK_MM, LONG_TICK_MM, LINE_MM, STEP_MM = 2.0, 4.0, 0.3, 10.0
 TYPE_MM = 2.6
+# Every so many ticks is a long one; room between a ruler and its numbers; lines of words apart.
+LONG_EVERY, BELOW_MM, LEADING = 5, 0.8, 1.35
 # Squares of boards whose size nobody says are whole millimetres.
 WHOLE_MM = 1.0
 
@@ -50,11 +52,15 @@ class Sheet:
     @property
     def command(self) -> str:
         """What to type to calibrate with it."""
-        return f"pseudolidar calibrate PICTURES {flags_of(self.board)}"
+        return command_of(self.board)
 
 
-def flags_of(board: Board) -> str:
-    """The flags that name a board."""
+def command_of(board: Board) -> str:
+    """What to type to calibrate with a board."""
+    return f"pseudolidar calibrate PICTURES {_flags_of(board)}"
+
+
+def _flags_of(board: Board) -> str:
     flags = f"--board {board.name} --square {board.square_m:g}"
     if board.name.kind in ("charuco", "aprilgrid"):
         flags += f" --marker {board.marker_m:g} --dictionary {board.dictionary}"
@@ -114,11 +120,11 @@ def sheet_of(board: Board, paper: Paper) -> Sheet:
 
 
 def _size_mm(board: Board) -> tuple[float, float]:
-    width_m, height_m = shapes_size_m(board)
+    width_m, height_m = _shapes_size_m(board)
     return width_m * MM, height_m * MM
 
 
-def shapes_size_m(board: Board) -> tuple[float, float]:
+def _shapes_size_m(board: Board) -> tuple[float, float]:
     """Width and height of what is drawn of a board, m, without drawing it."""
     points = board.points_m[:, :2]
     columns, rows = np.ptp(points, axis=0).tolist()
@@ -151,16 +157,16 @@ def _rulers(
     lines.append([left, y, lengths[0], LINE_MM])
     lines.append([x, top, LINE_MM, lengths[1]])
     for number in range(int(lengths[0] / STEP_MM) + 1):
-        tick = LONG_TICK_MM if number % 5 == 0 else TICK_MM
+        tick = LONG_TICK_MM if number % LONG_EVERY == 0 else TICK_MM
         lines.append([left + number * STEP_MM - LINE_MM / 2, y - tick, LINE_MM, tick])
     for number in range(int(lengths[1] / STEP_MM) + 1):
-        tick = LONG_TICK_MM if number % 5 == 0 else TICK_MM
+        tick = LONG_TICK_MM if number % LONG_EVERY == 0 else TICK_MM
         lines.append([x - tick, top + number * STEP_MM - LINE_MM / 2, tick, LINE_MM])
-    below = y + TYPE_MM + 0.8
+    below = y + TYPE_MM + BELOW_MM
     texts.append(Text(left, below, TYPE_MM, "0", centred=True))
     texts.append(Text(x - LONG_TICK_MM - 2, top + TYPE_MM / 3, TYPE_MM, "0"))
     texts.append(Text(left + lengths[0], below, TYPE_MM, f"{lengths[0]:.0f} mm", centred=True))
-    texts.append(Text(x - LONG_TICK_MM, top + lengths[1] + TYPE_MM + 0.8, TYPE_MM,
+    texts.append(Text(x - LONG_TICK_MM, top + lengths[1] + TYPE_MM + BELOW_MM, TYPE_MM,
                       f"{lengths[1]:.0f} mm"))  # fmt: skip
     return np.array(lines), tuple(texts)
 
@@ -170,8 +176,8 @@ def _words(board: Board, left: float, height: float) -> tuple[Text, ...]:
         f"{board.name}, square {board.square_m * MM:g} mm. Print without scaling and measure the "
         "rulers; if they are off, measure the squares and type their size."
     )
-    lines = (first, f"pseudolidar calibrate PICTURES {flags_of(board)}")
+    lines = (first, command_of(board))
     return tuple(
-        Text(left, height - MARGIN_MM - (1 - n) * 1.35 * TYPE_MM, TYPE_MM, words)
+        Text(left, height - MARGIN_MM - (1 - n) * LEADING * TYPE_MM, TYPE_MM, words)
         for n, words in enumerate(lines)
     )

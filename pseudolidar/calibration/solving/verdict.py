@@ -15,8 +15,8 @@ from pseudolidar.structures.arrays import Float64
 
 Grade = Literal["good", "fair", "poor"]
 GRADES: tuple[Grade, ...] = ("good", "fair", "poor")
-# Rows on held-out views: below half a pixel a matcher does not suffer, above one it loses matches
-# (a write-up of such rigs: 0.393 px good, 3.6 px uncalibrated).
+# Limits of good, and of fair. Rows on held-out views: below half a pixel a matcher does not suffer,
+# above one it loses matches (a write-up of such rigs: 0.393 px good, 3.6 px uncalibrated).
 ROWS_PX, STEREO_PX = (0.5, 1.0), (0.5, 1.0)
 VIEWS = (15, 8)
 COVERED = (0.6, 0.35)

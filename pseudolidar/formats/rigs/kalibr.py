@@ -23,6 +23,7 @@ from pseudolidar.errors import (
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.rigs.placed import Node
+from pseudolidar.formats.rigs.rig_fields import at_node
 from pseudolidar.formats.rigs.rig_parts import LEFT, RIGHT
 from pseudolidar.formats.rigs.rig_reading import (
     RigReading,
@@ -184,9 +185,7 @@ def _camera(node: Node, name: str, frame: str) -> Camera:
     try:
         return Camera(K, width, height, distortion, model, frame)
     except CalibrationValue as error:
-        raise CalibrationValue(
-            error.got, want=error.want, fix=error.fix, path=node.path, where=intrinsics.where
-        ) from None
+        raise at_node(error, intrinsics) from None
 
 
 def _required(node: Node, name: str, key: str) -> Node:
@@ -229,15 +228,10 @@ def _matrix(node: Node, count: int) -> Float64:
 
 def _size(node: Node) -> tuple[int, int]:
     sides = [side.value for side in node.value] if isinstance(node.value, tuple) else []
-    if len(sides) == 2:
-        width, height = sides
-        whole = isinstance(width, int) and isinstance(height, int)
-        if whole and not isinstance(width, bool) and not isinstance(height, bool):
-            assert isinstance(width, int)
-            assert isinstance(height, int)
-            if width > 0 and height > 0:
-                return width, height
-    raise _syntax(node, "no picture size", "[width, height], whole numbers of pixels")
+    whole = [side for side in sides if isinstance(side, int) and not isinstance(side, bool)]
+    if len(sides) != 2 or len(whole) != 2 or min(whole) < 1:
+        raise _syntax(node, "no picture size", "[width, height], whole numbers of pixels")
+    return whole[0], whole[1]
 
 
 def _syntax(node: Node, got: str, want: str) -> CalibrationSyntax:

@@ -13,7 +13,7 @@ from pseudolidar.formats.rigs.projection_text import NamedMatrix, read_projectio
 from pseudolidar.formats.rigs.rig_parts import LEFT, RIGHT
 from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit, checked_order, in_metres
 from pseudolidar.geometry.decomposition import Decomposition, decompose
-from pseudolidar.geometry.unrectified import why_unrectified
+from pseudolidar.geometry.unrectified import side_word, why_unrectified
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.pose import Pose
@@ -136,11 +136,11 @@ def _check_direction(
     axis = int(np.argmax(np.abs(place)))
     if axis == 0:
         return
-    words = {1: ("above", "below"), 2: ("behind", "in front of")}[axis][int(place[axis] > 0)]
+    side = side_word(axis, float(place[axis]))
     baseline = float(np.linalg.norm(place))
     told = ", ".join(f"{x:.6g}" for x in place)
     raise CalibrationValue(
-        f"the right camera stands {abs(place[axis]):.6g} {words} the left one: baseline ({told})"
+        f"the right camera stands {abs(place[axis]):.6g} {side} the left one: baseline ({told})"
         + _differing(left, right),
         want="a baseline along x, the direction of the rows: cameras side by side",
         fix=_beside(left, right, parts, baseline),
@@ -164,16 +164,15 @@ def _differing(left: NamedMatrix, right: NamedMatrix) -> str:
 def _beside(
     left: NamedMatrix, right: NamedMatrix, parts: list[Decomposition], baseline: float
 ) -> str:
-    fix = "Check which axis is meant; pictures that are shifted along their columns must be turned."
-    same = np.array_equal(left.P[:, :3], right.P[:, :3])
-    if same:
-        moved = left.P[0, 3] - parts[0].scale * parts[0].K[0, 0] * baseline
-        fix = (
-            "If the pictures are shifted along their rows, the difference belongs into row 1: "
-            f"{moved:g} in place of {right.P[0, 3]:g} in column 4 of {right.name or 'the second'}. "
-            "If along their columns, turn pictures and cameras by 90 degrees."
-        )
-    return fix
+    """What to do about it; of matrices with one left part, with the number that would be right."""
+    if not np.array_equal(left.P[:, :3], right.P[:, :3]):
+        return "Check which axis is meant; pictures that are shifted along columns must be turned."
+    moved = left.P[0, 3] - parts[0].scale * parts[0].K[0, 0] * baseline
+    return (
+        "If the pictures are shifted along their rows, the difference belongs into row 1: "
+        f"{moved:g} in place of {right.P[0, 3]:g} in column 4 of {right.name or 'the second'}. "
+        "If along their columns, turn pictures and cameras by 90 degrees."
+    )
 
 
 def _camera(

@@ -28,6 +28,7 @@ from pseudolidar.formats.rigs.opencv_rig import SUFFIXES, eye_of, read_opencv_ri
 from pseudolidar.formats.rigs.projection_pair import read_projection_pair
 from pseudolidar.formats.rigs.projection_text import (
     COLUMNS,
+    MOST_MATRICES,
     ROWS,
     looks_like_projections,
     read_projections,
@@ -254,11 +255,13 @@ def _projections(
     path: Path, size_px: tuple[int, int] | None, unit: RigUnit | None, limits: Limits
 ) -> RigReading:
     """One file: with both matrices, or with one and its partner beside it."""
-    partner = _partner(path) or {}
-    files = [partner["left"], partner["right"]] if {"left", "right"} <= set(partner) else [path]
-    if len(read_projections(path, limits=limits)) == 2:
-        files = [path]
-    return read_projection_pair(files, size_px=size_px, unit=unit, limits=limits)
+    files = [path]
+    if len(read_projections(path, limits=limits)) < MOST_MATRICES:
+        partner = _partner(path) or {}
+        files = [partner[eye] for eye in ("left", "right") if eye in partner]
+    return read_projection_pair(
+        files if len(files) == 2 else [path], size_px=size_px, unit=unit, limits=limits
+    )
 
 
 def _kitti(path: Path, size_px: tuple[int, int] | None, limits: Limits) -> RigReading:
