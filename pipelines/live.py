@@ -257,10 +257,7 @@ def record(
 ) -> LiveReport:
     """Write what workers make of the newest pairs, until the cameras end or somebody says so."""
     meter, views = Meter(cameras), by if isinstance(by, NewViews) else None
-    actions, words = {"q": cameras.stop}, "q ends"
-    if isinstance(by, OnRequest):
-        actions |= {" ": by.request, "\n": by.request}
-        words = "space saves a pair, q ends"
+    actions, words = pressable(cameras, by)
 
     def told() -> dict[str, Any]:
         board = {} if views is None else {"board": views.as_dict()}
@@ -294,11 +291,23 @@ def record(
                 lost = fault
         if lost is not None:
             raise lost
+    text = "" if views is None else views.words
+    return LiveReport(run.result(), meter.figures, job.out, to_open(job, recording), text)
+
+
+def pressable(cameras: Capture, by: Choice | None) -> tuple[dict[str, Callable[[], None]], str]:
+    """What keys do, by character, and the same in words."""
+    if isinstance(by, OnRequest):
+        saving = {" ": by.request, "\n": by.request}
+        return {"q": cameras.stop, **saving}, "space saves a pair, q ends"
+    return {"q": cameras.stop}, "q ends"
+
+
+def to_open(job: Live, recording: RecordingPlan) -> tuple[Path, ...]:
+    """What there is to open: folders of files and recordings, else the output folder."""
     opens = [job.out / folder for folder in job.to.folders if job.capture is None]
     opens += [job.out / name for name in recording.names]
-    opens = [path for path in opens if path.exists()] or [job.out]
-    text = "" if views is None else views.words
-    return LiveReport(run.result(), meter.figures, job.out, tuple(opens), text)
+    return tuple(path for path in opens if path.exists()) or (job.out,)
 
 
 def timed(frame: Done[Product], latency_s: float) -> Done[Product]:

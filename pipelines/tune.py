@@ -144,6 +144,35 @@ def run(job: Tune) -> TuneReport:
         source, job.by, load(space.start), tuned_on=job.tune_frames, held=job.held_frames
     )
     trials = Trials.opened(journal, identity(job, source), anew=job.overwrite)
+    search, found = searched(job, source, frames, trials, space, load)
+    if job.picture is not None:
+        draw(job.picture, search, found)
+    return TuneReport(
+        subject=source.summary.line,
+        by=frames.by,
+        found=found,
+        tuned_on=tuple(part.id for part in frames.tuned_on),
+        held=tuple(part.id for part in frames.held),
+        candidates=len(search.tried),
+        trials=len(trials.known),
+        restored=trials.restored,
+        seconds=search.budget.spent_s,
+        out=job.out,
+        journal=journal,
+        picture=job.picture,
+        warnings=warnings,
+    )
+
+
+def searched(
+    job: Tune,
+    source: FrameSource,
+    frames: JudgedFrames,
+    trials: Trials,
+    space: Space,
+    load: Callable[[Candidate], StereoMatcher],
+) -> tuple[Search, Found]:
+    """Search until the time is over, and what was found best; that is on disk at any moment."""
     about = {
         "source": source.summary.line,
         "by": frames.by,
@@ -165,30 +194,15 @@ def run(job: Tune) -> TuneReport:
             best = f"best {kept[-1].tuned:.3f} of the first loss" if kept else ""
             bar.used(budget.spent_s, f"{begun} settings, {best}")
 
-        search = Search(space, frames, load, trials, budget, job.seed, crew.count, keep, progress)
+        workers = CrewPlan(job.workers).count
+        search = Search(space, frames, load, trials, budget, job.seed, workers, keep, progress)
         try:
             search.run(most_candidates=job.candidates)
         except KeyboardInterrupt:
             if kept:
                 _log.info("the best so far is in %s", job.out)
             raise
-    if job.picture is not None:
-        draw(job.picture, search, kept[-1])
-    return TuneReport(
-        subject=source.summary.line,
-        by=frames.by,
-        found=kept[-1],
-        tuned_on=tuple(part.id for part in frames.tuned_on),
-        held=tuple(part.id for part in frames.held),
-        candidates=len(search.tried),
-        trials=len(trials.known),
-        restored=trials.restored,
-        seconds=budget.spent_s,
-        out=job.out,
-        journal=journal,
-        picture=job.picture,
-        warnings=warnings,
-    )
+    return search, kept[-1]
 
 
 def check_place(job: Tune) -> Path:

@@ -13,6 +13,7 @@ import numpy as np
 from pseudolidar.errors import NoPairs, PseudolidarError, SourceEmpty, SourceUnknown
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.rigs.body_json import MARK, body_text, has_pairs, read_body
+from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.frames import left_in_base_link
 from pseudolidar.geometry.rectification import aligning_rotations
 from pseudolidar.sources.names import natural_key
@@ -33,7 +34,7 @@ from pseudolidar.structures.recorded import Frame
 
 RIG_FILE = "rig.json"
 # Of the usual time between frames, how far apart pictures of one moment may be.
-TOLERANCE = 0.4
+TOLERANCE_OF_INTERVAL = 0.4
 
 
 @dataclass(frozen=True)
@@ -288,7 +289,7 @@ def _moments(settings: Body, sources: Sequence[FrameSource]) -> dict[str, tuple[
         raise SourceEmpty(
             "no frames of one moment: neither names nor times of the pairs' pictures agree",
             want="pictures of one moment with equal names, or times "
-            f"{tolerance_ns / 1e9:.3g} s apart at most",
+            f"{tolerance_ns / NS_PER_S:.3g} s apart at most",
             fix="Name the pictures alike, or pass --source.tolerance-s.",
             path=settings.path,
         )
@@ -297,9 +298,9 @@ def _moments(settings: Body, sources: Sequence[FrameSource]) -> dict[str, tuple[
 
 def _tolerance_ns(settings: Body, times_ns: Sequence[int]) -> int:
     if settings.tolerance_s is not None:
-        return round(settings.tolerance_s * 1e9)
+        return round(settings.tolerance_s * NS_PER_S)
     steps = np.diff(np.asarray(times_ns, np.int64))
-    return int(TOLERANCE * float(np.median(steps))) if len(steps) else 0
+    return int(TOLERANCE_OF_INTERVAL * float(np.median(steps))) if len(steps) else 0
 
 
 def pair_folders(settings: Body) -> tuple[str, ...]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from pseudolidar.formats.timestamps import NS_PER_S
+
 
 @dataclass(frozen=True)
 class EyeCounts:
@@ -57,5 +59,5 @@ class CaptureCounts:
         """Plain JSON values."""
         found = asdict(self)
         eyes = {eye.pop("name"): eye for eye in found.pop("eyes")}
-        widest_s = found.pop("widest_ns") / 1e9
+        widest_s = found.pop("widest_ns") / NS_PER_S
         return {**found, "widest_s": widest_s, "cameras": eyes}
