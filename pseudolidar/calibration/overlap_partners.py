@@ -82,7 +82,13 @@ class Partners:
 
 
 def all_partners(sights: Sights, places: Mapping[str, Pose], gate_m: float) -> list[Partners]:
-    """Partners of all frames, each two pairs both ways; those without any are left out."""
+    """Partners of all frames, each two pairs both ways; those without any are left out.
+
+    Args:
+        sights: of each frame what each pair sees.
+        places: `T_base_link_left` of each pair.
+        gate_m: how far apart points of one surface may be; boards need none.
+    """
     found = (
         partners_of(frame, first, second, places, gate_m)
         for frame in sights
@@ -94,7 +100,15 @@ def all_partners(sights: Sights, places: Mapping[str, Pose], gate_m: float) -> l
 def partners_of(
     frame: FrameSight, first: str, second: str, places: Mapping[str, Pose], gate_m: float
 ) -> Partners:
-    """Points of `first` and what `second` sees of the same thing."""
+    """Points of `first` and what `second` sees of the same thing.
+
+    Args:
+        frame: what each pair sees in it.
+        first: name of the pair of the points.
+        second: of the pair of the surfaces.
+        places: `T_base_link_left` of each pair.
+        gate_m: how far apart points of one surface may be; boards need none.
+    """
     a, b = frame[first], frame[second]
     if isinstance(a, BoardSight):
         assert isinstance(b, BoardSight)  # one kind for all
@@ -153,7 +167,14 @@ def _near_surfaces(
 
 
 def distances_of(sights: Sights, places: Mapping[str, Pose], name: str, gate_m: float) -> Float64:
-    """(N,) how far the points of a pair that have a partner are from it, or its surface."""
+    """(N,) how far the points of a pair that have a partner are from it, or its surface.
+
+    Args:
+        sights: of each frame what each pair sees.
+        places: `T_base_link_left` of each pair.
+        name: of the pair.
+        gate_m: how far apart points of one surface may be.
+    """
     parts = [
         partners_of(frame, name, other, places, gate_m).distances_m
         for frame in sights
@@ -172,7 +193,15 @@ def twist_of(number: int) -> slice:
 def system(
     partners: Sequence[Partners], free: Sequence[str]
 ) -> tuple[Float64, Float64, int, float]:
-    """Normal matrix and gradient over the twists of the free pairs, count and weighted squares."""
+    """Normal matrix and gradient over the twists of the free pairs, count and weighted squares.
+
+    Args:
+        partners: of all frames.
+        free: names of the pairs that may move, n of them.
+
+    Returns:
+        (6 n, 6 n) normal matrix, (6 n,) gradient, how many distances, their weighted squares.
+    """
     n = 6 * len(free)
     H, g, dof, chi2 = np.zeros((n, n)), np.zeros(n), 0, 0.0
     for each in partners:

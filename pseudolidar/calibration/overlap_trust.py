@@ -25,7 +25,14 @@ LEAST_FRAMES = 3
 
 
 def covariance_of(H: Float64, free: Sequence[str], dof: int, chi2: float) -> Float64:
-    """(6 n, 6 n) of the twists; wide in directions that nothing holds."""
+    """(6 n, 6 n) of the twists; wide in directions that nothing holds.
+
+    Args:
+        H: (6 n, 6 n) normal matrix.
+        free: names of the pairs that may move, n of them.
+        dof: how many distances it is from.
+        chi2: their weighted sum of squares.
+    """
     values, vectors = np.linalg.eigh(H)
     # Each partner counts twice, once from each side.
     scale = 2.0 * max(1.0, chi2 / max(dof - 6 * len(free), 1))
@@ -40,6 +47,13 @@ def common_errors(
     """(6 n, 6 n) of errors that all points of a pair share, such as those of its calibration.
 
     They are taken to be as large, in standard deviations, as what is left of the distances.
+
+    Args:
+        partners: of all frames.
+        H: (6 n, 6 n) normal matrix.
+        free: names of the pairs that may move, n of them.
+        dof: how many distances it is from.
+        chi2: their weighted sum of squares.
     """
     share = np.sqrt(chi2 / max(dof, 1))
     inverse = np.linalg.pinv(H, rcond=1e-9, hermitian=True)
@@ -71,6 +85,12 @@ def spread_of(
     """(6 n,) standard deviations by leaving out one frame after the other; 0 with few frames.
 
     Errors of neighbouring points belong together, which the covariance does not know.
+
+    Args:
+        sights: of each frame what each pair sees.
+        places: `T_base_link_left` of each pair, as fitted.
+        free: names of the pairs that may move, n of them.
+        gate_m: how far apart points of one surface may be.
     """
     if len(sights) < LEAST_FRAMES:
         return np.zeros(6 * len(free))
@@ -90,6 +110,12 @@ def spread_of(
 def check_near(name: str, moved: Float64, turned: Float64, trust: Trust) -> None:
     """Refuse a place so far from the given one that another surface was taken for the same.
 
+    Args:
+        name: of the pair.
+        moved: (3,) m, shift from the place given.
+        turned: (3,) rotation vector from it, rad.
+        trust: how well places given are known.
+
     Raises:
         OverlapInsufficient: with what it moved by.
     """
@@ -108,6 +134,12 @@ def check_near(name: str, moved: Float64, turned: Float64, trust: Trust) -> None
 
 def check_held(name: str, covariance: Float64, sigma: Float64, trust: Trust) -> None:
     """Refuse a place that what is seen does not hold.
+
+    Args:
+        name: of the pair.
+        covariance: (6, 6) of its shift, m, and its turn, rad.
+        sigma: (6,) standard deviations that are believed.
+        trust: how sure places must be.
 
     Raises:
         OverlapInsufficient: with the direction.
@@ -130,6 +162,13 @@ def check_connected(
     sights: Sights, places: Mapping[str, Pose], root: str, gate_m: float, least: int
 ) -> None:
     """Refuse pairs that share too little with those that are tied to the root.
+
+    Args:
+        sights: of each frame what each pair sees.
+        places: `T_base_link_left` of each pair.
+        root: the pair that stays.
+        gate_m: how far apart points of one surface may be.
+        least: points that two pairs must share.
 
     Raises:
         OverlapInsufficient: with what each neighbour shares.

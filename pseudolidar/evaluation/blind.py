@@ -113,7 +113,15 @@ def judged_by_pair(
 def evidence_shares(
     pair: PairEvidence, values: Float32, of_right: Float32, following: Float32 | None, rows: Bool
 ) -> Float64:
-    """(22,) share of the judged pixels in each bin of each kind of evidence."""
+    """(22,) share of the judged pixels in each bin of each kind of evidence.
+
+    Args:
+        pair: what the pictures tell.
+        values: (H, W) px, disparities of the left picture.
+        of_right: (H, W) px, disparities of the right picture's pixels.
+        following: (H, W) px, disparities of the next left picture; None without one.
+        rows: (H,) rows that count.
+    """
     row, column = np.nonzero(np.isfinite(values) & rows[:, None])
     d = values[row, column]
     nearest = np.rint(column - d).astype(np.int64)

@@ -74,6 +74,12 @@ def live_stream(
     No pair waits for a worker, so that results do not lag behind: there are as many in flight as
     there are workers.
 
+    Args:
+        source: the cameras.
+        per_frame: a frame to its result.
+        crew: how frames are done.
+        in_flight: where the frames are noted that could take this process with them.
+
     Raises:
         CameraFault, EyesApart: what ended the cameras, after the frames that were taken before.
     """

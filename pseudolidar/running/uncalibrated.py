@@ -260,6 +260,14 @@ def looked_up(
 ) -> Scale:
     """The scale by what a picture shows where the distance is known.
 
+    Args:
+        known: the distance, and the pixels that it is of.
+        rig: the cameras, of unknown scale.
+        source: where the picture is from.
+        ids: of its frames.
+        swap: exchange left and right pictures.
+        rectify: how pairs are rectified.
+
     Raises:
         UsageError: no such frame.
         CalibrationValue: nothing is matched there.

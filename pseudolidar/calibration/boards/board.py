@@ -109,7 +109,14 @@ class Board:
         marker_m: float | None = None,
         dictionary: Dictionary | None = None,
     ) -> Self:
-        """The board with the usual markers where none are named."""
+        """The board with the usual markers where none are named.
+
+        Args:
+            name: its kind and counts.
+            square_m: side of a square, as `Board` has it.
+            marker_m: side of a marker or gap; by default the usual share of the square.
+            dictionary: of the markers; by default that of the kind.
+        """
         share = APRIL_GAP_SHARE if name.kind == "aprilgrid" else MARKER_SHARE
         usual: Dictionary = "36h11" if name.kind == "aprilgrid" else "5x5"
         marker_m = square_m * share if marker_m is None else marker_m

@@ -49,6 +49,11 @@ class ViewPlace:
         """Of the corners of a board with corners `points_m` (N, 3) in a picture.
 
         A homography of the board tells it, so that parts of boards will do.
+
+        Args:
+            corners: as they are seen.
+            points_m: (N, 3) all corners of the board by id, in its own frame.
+            size_px: (width, height) of the picture.
         """
         import cv2
 
@@ -102,7 +107,13 @@ def movement_px(before: Corners, now: Corners) -> float:
 
 
 def is_steady(before: Corners, now: Corners, width_px: int) -> bool:
-    """Whether a board hardly moved from one picture to the next."""
+    """Whether a board hardly moved from one picture to the next.
+
+    Args:
+        before: corners in the picture before.
+        now: in this one.
+        width_px: of both.
+    """
     return movement_px(before, now) <= STEADY_PER_1000 * width_px / 1000
 
 

@@ -76,7 +76,13 @@ def refined_saddles(grey: UInt8, uv: Float64, spacing_px: Float64) -> tuple[Floa
 
 
 def spacing(uv: Float64, columns: int, rows: int) -> Float64:
-    """(N,) distance of each corner of a whole grid to the nearest beside it, px."""
+    """(N,) distance of each corner of a whole grid to the nearest beside it, px.
+
+    Args:
+        uv: (N, 2) px, row by row.
+        columns: of the grid.
+        rows: of the grid.
+    """
     grid = uv.reshape(rows, columns, 2)
     nearest = np.full((rows, columns), np.inf)
     across = np.linalg.norm(np.diff(grid, axis=1), axis=-1)
@@ -93,6 +99,12 @@ def spacing(uv: Float64, columns: int, rows: int) -> Float64:
 
 def on_grid(grey: UInt8, uv: Float64, columns: int, rows: int) -> tuple[Float64, Bool]:
     """Refined corners of a whole grid; those that went astray are looked for where they belong.
+
+    Args:
+        grey: the picture.
+        uv: (N, 2) corners, row by row, to a few pixels.
+        columns: of the grid.
+        rows: of the grid.
 
     Returns:
         (N, 2) corners, and (N,) which of them are sure.

@@ -29,6 +29,12 @@ def parameters(model: Model) -> int:
 def camera_of(model: Model, vector: Float64, size_px: tuple[int, int], frame: str) -> Camera:
     """The camera of a vector.
 
+    Args:
+        model: of the lens.
+        vector: (n,) fx, fy, cx, cy, px, and the coefficients.
+        size_px: (width, height) of its pictures.
+        frame: name of its frame.
+
     Raises:
         CalibrationValue: no camera can have these numbers.
     """

@@ -39,7 +39,14 @@ def page_pixels(page: Page, pixels_per_mm: float) -> UInt8:
 def shaded(
     shape: tuple[int, int], rectangles: Float64, circles: Float64, pixels_per_unit: float
 ) -> UInt8:
-    """(H, W) white with black rectangles (R, 4) and circles (C, 3), from the top left corner."""
+    """(H, W) white with black rectangles (R, 4) and circles (C, 3), from the top left corner.
+
+    Args:
+        shape: (H, W) of the picture.
+        rectangles: (R, 4) x, y, width, height, in the drawing's unit.
+        circles: (C, 3) x, y, radius.
+        pixels_per_unit: of the drawing.
+    """
     light = np.ones(shape, np.float32)
     for x, y, wide, high in (rectangles * pixels_per_unit).tolist():
         columns, across = _covered(x, x + wide, shape[1])

@@ -279,7 +279,15 @@ def _five_numbers(camera: Camera) -> Float64:
 
 
 def rigid_file(path: Path, dst: str, src: str, notes: list[str], limits: Limits) -> Pose:
-    """The transform in one of the raw data's files of R and T."""
+    """The transform in one of the raw data's files of R and T.
+
+    Args:
+        path: the file.
+        dst: frame that the transform leads to.
+        src: frame that it comes from.
+        notes: gets a line where the rotation is one only roughly.
+        limits: cap on the file.
+    """
     fields = read_key_values(path, RIGID_COUNTS, hint=WHICH_LAYOUT, limits=limits)
     R, t_m = fields.require("R").reshape(3, 3), fields.require("T")
     check_rotation(fields, "R", R, notes)
@@ -299,7 +307,14 @@ def _rectification(fields: KeyValues, key: str, notes: list[str]) -> Pose:
 
 
 def check_rotation(fields: KeyValues, key: str, R: Float64, notes: list[str]) -> None:
-    """Raise `CalibrationValue` unless `R` is a rotation; note it where it is one only roughly."""
+    """Raise `CalibrationValue` unless `R` is a rotation; note it where it is one only roughly.
+
+    Args:
+        fields: of the file, for its place in errors.
+        key: of the rotation.
+        R: (3, 3).
+        notes: gets the line.
+    """
     error = rotation_error(R)
     if not error <= ROTATION_TOLERANCE:
         raise CalibrationValue(

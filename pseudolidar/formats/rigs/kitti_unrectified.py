@@ -108,6 +108,12 @@ def read_unrectified_calib(
 ) -> KittiUnrectified:
     """Read what the calibration of the raw data says of the unrectified pictures.
 
+    Args:
+        cam_to_cam: file of the cameras.
+        velo_to_cam: file of the Velodyne, None where it is not there.
+        imu_to_velo: file of the IMU, None where it is not there.
+        limits: cap on the files.
+
     Raises:
         CalibrationMissing, CalibrationField, CalibrationSyntax, CalibrationValue: as they say.
     """

@@ -44,13 +44,22 @@ class JournalContent:
         check_same(self.settings, settings, folder)
 
 
-def check_same(before: dict[str, Any], settings: dict[str, Any], folder: Path) -> None:
-    """Refuse a folder with the results of other settings.
+def check_same(
+    before: dict[str, Any],
+    settings: dict[str, Any],
+    place: Path,
+    *,
+    holds: str = "the folder holds a run",
+    fix: str = ANEW,
+) -> None:
+    """Refuse a folder, or a file, with the results of other settings.
 
     Args:
         before: those that its results are of, plain JSON values.
         settings: those of the run that wants to write there.
-        folder: output folder.
+        place: output folder or file.
+        holds: what is there, in words.
+        fix: what to do about it.
 
     Raises:
         OutputSettings: they differ; with both values of the first that does.
@@ -61,11 +70,10 @@ def check_same(before: dict[str, Any], settings: dict[str, Any], folder: Path) -
     name, old, new = differences[0]
     more = f" (and {len(differences) - 1} more)" if len(differences) > 1 else ""
     raise OutputSettings(
-        f"the folder holds a run with {name} = {json.dumps(old)}, this one has "
-        f"{json.dumps(new)}{more}",
+        f"{holds} with {name} = {json.dumps(old)}, this one has {json.dumps(new)}{more}",
         want="the same settings to continue it",
-        fix=ANEW,
-        path=folder,
+        fix=fix,
+        path=place,
         where=name,
     )
 

@@ -113,6 +113,12 @@ def write_times(
 ) -> None:
     """Write the times of the pairs that are there, with the names of their pictures.
 
+    Args:
+        folder: output folder.
+        records: of the frames.
+        times_ns: of each frame, by its id.
+        views: how many views each frame has.
+
     Raises:
         OutputError: the folder cannot be written to.
     """

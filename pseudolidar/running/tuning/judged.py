@@ -136,7 +136,13 @@ class JudgedFrames:
 
 
 def halves(frames: int, tuned_on: int, held: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Positions of the frames to tune on, and of those to hold back, which come after them."""
+    """Positions of the frames to tune on, and of those to hold back, which come after them.
+
+    Args:
+        frames: how many there are.
+        tuned_on: most positions to tune on.
+        held: most positions to hold back.
+    """
     first_held = frames if frames < 2 else min(frames - 1, round(frames * (1 - HELD_SHARE)))
     return _spread(0, first_held, tuned_on), _spread(first_held, frames, held)
 

@@ -15,7 +15,8 @@ from typing import Any
 from pseudolidar.errors import OutputSettings
 from pseudolidar.evaluation.matching_loss import Judgement
 from pseudolidar.formats.atomic import output_error, write_atomic
-from pseudolidar.running.settings_json import settings_differences, to_json
+from pseudolidar.running.journal.journal_file import check_same
+from pseudolidar.running.settings_json import to_json
 from pseudolidar.running.tuning.space import Candidate
 
 SCHEMA = 1
@@ -63,6 +64,11 @@ class Trials:
     @classmethod
     def opened(cls, path: Path, identity: Mapping[str, Any], *, anew: bool) -> Trials:
         """Go on with the file where it belongs to this search; else begin it.
+
+        Args:
+            path: the file.
+            identity: of the search, plain JSON values.
+            anew: begin it in any case.
 
         Raises:
             OutputSettings: it belongs to another search.
@@ -122,16 +128,5 @@ def _check_same(path: Path, line: bytes, first: dict[str, Any]) -> None:
         raise OutputSettings(
             "no journal of trials", want="one of this version", fix=fix, path=path
         ) from error
-    differences = settings_differences(
-        {"schema": schema, **before}, {"schema": SCHEMA, **first["search"]}
-    )
-    if differences:
-        name, old, new = differences[0]
-        raise OutputSettings(
-            f"the journal is of a search with {name} = {json.dumps(old)}, this one has "
-            f"{json.dumps(new)}",
-            want="the same search to go on with it",
-            fix=fix,
-            path=path,
-            where=name,
-        )
+    now = {"schema": SCHEMA, **first["search"]}
+    check_same({"schema": schema, **before}, now, path, holds="the file holds a search", fix=fix)

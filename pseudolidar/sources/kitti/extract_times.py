@@ -56,6 +56,12 @@ def timed_pairs(
 
     Where one of the files is missing, equal numbers are taken for pairs, and that is noted.
 
+    Args:
+        cameras: folders of both eyes.
+        max_skew_s: eyes whose times differ by more are no pair.
+        rate_hz: frames a second where there are no times.
+        limits: caps on the files of times.
+
     Raises:
         SequenceTime: lines that are no dates, fewer than pictures, or not increasing.
     """

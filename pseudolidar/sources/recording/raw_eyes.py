@@ -37,6 +37,11 @@ def raw_rig_of(left: Eye, right: Eye, tree: Sequence[Pose]) -> StereoRig | None:
     How the cameras stand to each other follows from the rotations and projections by which they
     are to be rectified, which both have for that purpose; else from tf.
 
+    Args:
+        left: topic of the left eye.
+        right: of the right one.
+        tree: transforms of the recording.
+
     Raises:
         CalibrationValue: no camera, or no rig, can be so.
     """
