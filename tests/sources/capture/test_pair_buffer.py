@@ -85,6 +85,31 @@ def test_by_default_a_quarter_of_the_interval_at_most_ten_ms() -> None:
     assert not list(times(fed(buffer(kept=9), [0, 20, 40], [6, 26, 46])))
 
 
+def test_the_faster_camera_tells_how_near_is_near_enough() -> None:
+    """A quarter of its interval of 20 ms."""
+    fast, slow = [20.0 * i for i in range(20)], [100.0 * i for i in range(4)]
+    near = fed(buffer(kept=9), [ms + 4.5 for ms in slow], fast)
+    assert len(list(times(near))) == 4
+    assert not list(times(fed(buffer(kept=9), [ms + 5.5 for ms in slow], fast)))
+
+
+def test_a_pair_is_complete_with_its_later_picture_and_the_widest_is_told() -> None:
+    pairs = fed(buffer(kept=9), [0, 100, 200], [3, 101, 200])
+    assert pairs.take().taken_ns == 3 * MS
+    assert pairs.counts.widest_ns == 3 * MS
+
+
+def test_what_came_before_the_start_counts_no_more() -> None:
+    pairs = fed(buffer(kept=9), [0, 100, 200, 300], [1, 101])
+    pairs.forget()
+    counts = pairs.counts
+    assert (counts.formed, counts.taken, counts.waiting, counts.widest_ns) == (0, 0, 0, 0)
+    assert [(eye.arrived, eye.alone, eye.waiting) for eye in counts.eyes] == [(0, 0, 0)] * 2
+    fed(pairs, [400], [301, 401])
+    assert list(times(pairs)) == [(400, 401)]
+    assert adds_up(pairs.counts)
+
+
 def test_an_eye_that_is_gone_does_not_fill_the_memory() -> None:
     pairs = fed(buffer(), [100.0 * i for i in range(200)], [0, 100])
     assert pairs.counts.eyes[0].waiting == MOST_WAITING
@@ -119,10 +144,15 @@ def test_a_silent_camera_is_named() -> None:
     pairs = PairBuffer(2, tolerance_s=None, kept=1, patience_s=1e-6)
     with pytest.raises(CameraStalled, match="no picture for"):
         pairs.take()
-    fault = VideoDamaged("of another kind")
-    pairs.failed(1, fault)
-    pairs.put(0, shot(0))
-    with pytest.raises((VideoDamaged, CameraStalled)):
+
+
+def test_a_camera_that_is_silent_for_a_reason_says_the_reason() -> None:
+    pairs = PairBuffer(2, tolerance_s=None, kept=1, patience_s=1e-6)
+    pairs.failed(0, VideoDamaged("of another kind"))
+    with pytest.raises(VideoDamaged, match="of another kind"):
+        pairs.take()
+    pairs.put(0, shot(0))  # it is back
+    with pytest.raises(CameraStalled):
         pairs.take()
 
 
