@@ -69,6 +69,22 @@ def test_round_trip_is_exact(tmp_path: Path) -> None:
     assert not validator.is_valid(both)
 
 
+def test_standard_deviations_of_a_place_are_called_what_they_are() -> None:
+    body = full_body()
+    written = json.loads(body_text(body))["pairs"]
+    assert "T_base_link_left_sigma" not in written["front"]
+    rear = body["rear-2"]
+    assert written["rear-2"]["T_base_link_left_sigma"] == {
+        "rotation_rad": rear.rotation_sigma_rad.tolist(),
+        "t_m": rear.translation_sigma_m.tolist(),
+    }
+    for name, pair in written.items():
+        quality = body[name].rig.quality
+        for eye in ("left", "right"):
+            fx_px = getattr(quality, eye).intrinsics_px[0]
+            assert pair["quality"][f"{eye}_sigma"]["fx"] == fx_px
+
+
 def test_one_pair_by_its_name(tmp_path: Path) -> None:
     body, path = full_body(), tmp_path / "rig.json"
     write_body(path, body)

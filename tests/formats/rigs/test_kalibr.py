@@ -71,6 +71,19 @@ def test_a_camchain_of_two_cameras(tmp_path: Path) -> None:
     assert read_any_rig(tmp_path).form == "Kalibr camchain"
 
 
+@pytest.mark.parametrize(
+    ("word", "model", "count"),
+    [("equi", "fisheye", 4), ("equidistant", "fisheye", 4), ("none", "pinhole", 0)],
+)
+def test_lens_models_by_kalibrs_names(word: str, model: str, count: int, tmp_path: Path) -> None:
+    change = ("distortion_model: radtan", f"distortion_model: {word}")
+    raw = read_any_rig(camchain(tmp_path / "camchain.yaml", change)).raw
+    assert raw.left.model == model
+    assert len(raw.left.distortion) == count
+    assert raw.right.model == "pinhole"
+    assert len(raw.right.distortion) == 4
+
+
 @pytest.mark.parametrize(("model", "count"), [("pinhole", 4), ("pinhole", 0), ("fisheye", 4)])
 def test_a_camchain_comes_back_and_others_read_it(model: str, count: int, tmp_path: Path) -> None:
     yaml = pytest.importorskip("yaml")

@@ -157,6 +157,23 @@ def test_inconsistent_matrices_are_named(
         assert error.value.where == "p_right, line 4"
 
 
+@pytest.mark.parametrize("scale", [1.0, -2.0])
+def test_the_number_of_a_baseline_along_the_rows_is_told(scale: float, tmp_path: Path) -> None:
+    """640 px times 0.5 less in the first row: the right camera 0.5 to the right."""
+    path = tmp_path / "camera_data.txt"
+    path.write_text(
+        python_text(left=scale * LEFT, right=scale * projection(t=T_LEFT - [0, -0.5, 0]))
+    )
+    with pytest.raises(CalibrationValue) as error:
+        read_any_rig(path, size_px=SIZE)
+    wanted, now = scale * (LEFT[0, 3] - 320), scale * LEFT[0, 3]
+    assert f"row 1: {wanted:g} in place of {now:g} in column 4 of p_right" in error.value.fix
+    mended = scale * LEFT.copy()
+    mended[0, 3] = wanted
+    path.write_text(python_text(left=scale * LEFT, right=mended))
+    assert read_any_rig(path, size_px=SIZE).of_rectified.baseline_m == pytest.approx(0.5)
+
+
 def test_unrectified_matrices_are_the_rig_of_their_pictures(tmp_path: Path) -> None:
     path = tmp_path / "camera_data.txt"
     right = projection(K_OTHER, t=T_LEFT - [0.5, 0, 0], turn=(0, 3, 0))
@@ -187,6 +204,10 @@ def test_unrectified_matrices_are_the_rig_of_their_pictures(tmp_path: Path) -> N
         (python_text() + "p_third = [[1, 2, 3, 4]]\n", CalibrationSyntax, "line 7: a third matrix"),
         (f"p_left = {rows_of(LEFT)}\n", CalibrationField, "1 projection matrices"),
         (python_text()[:-40], CalibrationSyntax, "line"),
+        (f"p_left = {rows_of(LEFT[:2])}\np_right = {rows_of(RIGHT)}\n", CalibrationSyntax,
+         "line 1: 8 numbers of p_left; wanted 12"),
+        (f"p_left = {rows_of(LEFT)}\np_right = {rows_of(RIGHT[:2])}\n", CalibrationSyntax,
+         "8 numbers of p_right; wanted 12"),
     ],
 )  # fmt: skip
 def test_mistakes_are_named_by_their_place(
