@@ -60,6 +60,21 @@ def assert_same_quality(a: CalibrationQuality | None, b: CalibrationQuality | No
         np.testing.assert_array_equal(mine.distortion, theirs.distortion)
 
 
+def test_pictures_of_another_size_have_other_pixels() -> None:
+    """Twice as wide and three times as high: x by 2, y by 3, rows by 3, the rest stays."""
+    quality = known_quality()
+    other = quality.scaled(2.0, 3.0)
+    for mine, theirs in ((other.left, quality.left), (other.right, quality.right)):
+        np.testing.assert_allclose(mine.intrinsics_px, theirs.intrinsics_px * [2, 3, 2, 3])
+        np.testing.assert_array_equal(mine.distortion, theirs.distortion)
+    assert other.holdout_row_error_px == pytest.approx(3 * quality.holdout_row_error_px)
+    for name in ("rms_left_px", "rms_right_px", "rms_stereo_px"):
+        assert getattr(other, name) == pytest.approx(np.sqrt(6) * getattr(quality, name))
+    for name in ("rotation_sigma_rad", "translation_sigma_m", "baseline_sigma_m", "depth_sigma_m"):
+        np.testing.assert_array_equal(getattr(other, name), getattr(quality, name))
+    assert other.views == quality.views
+
+
 LENSES = [("pinhole", n) for n in (0, 4, 5, 8, 12, 14)] + [("fisheye", 4)]
 
 
