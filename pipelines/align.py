@@ -19,9 +19,9 @@ from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
-from pseudolidar.running.new_file import check_new_file
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.progress import FrameProgress
+from pseudolidar.running.rig_output import check_rig_place, stored
 from pseudolidar.running.stream import stream
 from pseudolidar.running.table import table_text
 from pseudolidar.sources.body import body_of, rectified_place
@@ -65,7 +65,7 @@ class Align:
         check: look at the first, the middle and the last frame of each pair before.
         workers: frames worked on at the same time; by default one per core.
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
-        overwrite: replace OUT.
+        overwrite: replace OUT, if that is a rig file; it is kept as OUT's name with .previous.
     """
 
     source: Annotated[Source, Recognised(recognise)]
@@ -92,7 +92,7 @@ def run(job: Align) -> AlignReport:
         NoPairs: the source is not several pairs on one body.
         OverlapInsufficient: what is seen does not tell a place.
     """
-    check_new_file(job.out, overwrite=job.overwrite)
+    check_rig_place(job.out, overwrite=job.overwrite)
     source, crew = opened(job), CrewPlan(job.workers)
     body = body_of(source)
     root = _root(body, job.root)
@@ -106,8 +106,9 @@ def run(job: Align) -> AlignReport:
     seen, skipped = _seen(source, see, crew, job.on_error)
     found = places_found([frame.sights for frame in seen], given, root, job.by, job.trust)
     line = source.summary.line
-    write_body(job.out, _with_places(body, given, found, line))
-    return AlignReport(line, job.out, root, found, len(seen), warnings, skipped)
+    placed = _with_places(body, given, found, line)
+    previous = stored(job.out, lambda: write_body(job.out, placed))
+    return AlignReport(line, job.out, root, found, len(seen), warnings, skipped, previous)
 
 
 def _seen(
@@ -177,6 +178,7 @@ class AlignReport:
         frames: how many were used.
         warnings: what is odd about the pairs.
         skipped: frames that could not be used.
+        previous: where the rig file is that `out` replaced; None where there was none.
     """
 
     subject: str
@@ -186,6 +188,7 @@ class AlignReport:
     frames: int
     warnings: tuple[str, ...] = ()
     skipped: tuple[Skipped, ...] = ()
+    previous: Path | None = None
 
     @property
     def exit_code(self) -> int:
@@ -197,6 +200,7 @@ class AlignReport:
         return {
             "subject": self.subject,
             "out": str(self.out),
+            "previous": None if self.previous is None else str(self.previous),
             "root": self.root,
             "frames": self.frames,
             "pairs": {name: _figures(place) for name, place in self.found.items()},
@@ -223,6 +227,8 @@ class AlignReport:
         parts += [f"warning: {text}" for text in self.warnings]
         parts += [f"left out: {each.id}: {each.error}" for each in self.skipped]
         parts.append(f"{self.out}: {self.frames} frames; pass it to other commands with --rig")
+        if self.previous is not None:
+            parts.append(f"  the one before: {self.previous}")
         return "\n".join(parts)
 
 

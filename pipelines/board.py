@@ -13,7 +13,7 @@ from pseudolidar.calibration.boards.sheet import Paper, Sheet, fitting_square_m,
 from pseudolidar.errors import ALL_DONE, UsageError
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME
-from pseudolidar.running.new_file import check_new_file
+from pseudolidar.running.new_file import check_kind, check_new_file
 
 # Counts of boards of which only the kind is said: such as fill a sheet of A4.
 USUAL = {"chessboard": "9x6", "charuco": "8x6", "circles": "9x7", "acircles": "4x11",
@@ -97,6 +97,8 @@ def run(job: DrawBoard) -> BoardReport:
             f"a file named {job.out.name}", want=f"one of {', '.join(WRITERS)}", where="--out"
         )
     check_new_file(job.out, overwrite=job.overwrite)
+    suffix = job.out.suffix.lower()
+    check_kind(job.out, lambda head: head.startswith(BEGINS[suffix]), f"{suffix[1:].upper()} file")
     if not RESOLUTIONS[0] <= job.dpi <= RESOLUTIONS[1]:
         raise UsageError(
             f"{job.dpi} dpi", want=f"{RESOLUTIONS[0]} to {RESOLUTIONS[1]}", where="--dpi"
@@ -130,6 +132,8 @@ def _png(sheet: Sheet, dpi: int) -> bytes:
 
 
 WRITERS: dict[str, Callable[[Sheet, int], bytes]] = {".pdf": _pdf, ".svg": _svg, ".png": _png}
+# First bytes of such files: what is something else is not replaced.
+BEGINS = {".pdf": (b"%PDF",), ".svg": (b"<?xml", b"<svg"), ".png": (b"\x89PNG",)}
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,7 +34,7 @@ from pseudolidar.running.live.meter import Meter
 from pseudolidar.running.live.new_views import NewViews
 from pseudolidar.running.live.opening import bare_eyes, opened_bare, opened_cameras, opened_pairs
 from pseudolidar.running.live.rehearsed import rehearsed
-from pseudolidar.running.live.saving import SavePair, saved_pairs
+from pseudolidar.running.live.saving import EYES, SavePair, saved_pairs
 from pseudolidar.running.live.table import LiveTable
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.products.encoders import FrameEncoder
@@ -45,8 +45,10 @@ from pseudolidar.running.products.trees import Trees
 from pseudolidar.running.reports.live_report import LiveReport
 from pseudolidar.running.run import Run
 from pseudolidar.running.stream import live_stream
+from pseudolidar.running.unclaimed import check_unclaimed
 from pseudolidar.sources.capture.cameras import CameraSettings, Capture
 from pseudolidar.sources.capture.live_pairs import EveryInterval, LivePairs, OnRequest
+from pseudolidar.sources.folder_layout import list_pictures
 from pseudolidar.sources.rectified import Rectify
 from pseudolidar.sources.source import pairs_of, tell
 from pseudolidar.stereo.census import Census
@@ -210,6 +212,8 @@ def run(job: Live) -> LiveReport:
         source = opened_pairs(job, cameras)
         tell(source)
         recording = RecordingPlan.of(job, source, wanted=job.to.recording)
+        written = (*job.to.folders, *recording.names)
+        check_unclaimed(job.out, written, overwrite=job.overwrite)
         per_frame = convert_frame(job, source)
         rehearsed(source, per_frame, check=job.check)
         return record(job, cameras, source, per_frame, recording)
@@ -231,6 +235,8 @@ def convert_frame(job: Live, source: LivePairs[Any]) -> ConvertFrame:
 def save_pairs(job: Live) -> LiveReport:
     """Only save pairs: by key, by time, or by what is to be seen of a board."""
     check_usable(job.out)
+    lying = [path.name for path in list_pictures(job.out)] if job.out.is_dir() else []
+    check_unclaimed(job.out, (*EYES, *lying), overwrite=job.overwrite)
     by = chosen_by(job)
     with opened_cameras(job) as cameras:
         source = opened_bare(job, cameras, by)

@@ -31,6 +31,7 @@ from pseudolidar.running.results import RunResult
 from pseudolidar.running.run import Run
 from pseudolidar.running.stream import stream
 from pseudolidar.running.uncalibrated import CAMERAS, FoundCameras, as_file, found_cameras
+from pseudolidar.running.unclaimed import check_unclaimed
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.rectified import Rectify, in_one_view, raw_rig
@@ -155,8 +156,10 @@ def run_with_rig(
     first = pairs_in(first_frame(source))
     encode = EncodePairs(tuple(pair.rig for pair in first))
     products = (*shared_names(job.views), PICTURE, *((CAMERAS,) if found else ()))
-    written = {name.partition("/")[0] for name in products} | {"left", "right"}
+    folders = ("left", "right") if job.views == 1 else ()
+    written = {name.partition("/")[0] for name in (*products, *folders)}
     check_apart(job.out, paths_read(job.source, job.rig), sorted(written), overwrite=job.overwrite)
+    check_unclaimed(job.out, written, overwrite=job.overwrite)
     with Run.open(job.out, job, source, products=products) as run:
         settled = run.settled(source.ids)
         run.check(wanted=job.check and len(settled) < len(source.ids), crew=job.crew)

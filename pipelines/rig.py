@@ -18,7 +18,7 @@ from pseudolidar.formats.rigs.rig_writers import (
     write_any_rig,
 )
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME
-from pseudolidar.running.new_file import check_new_file
+from pseudolidar.running.new_file import check_kind, check_new_file, is_text
 from pseudolidar.running.reports.rig_report import RigReport
 from pseudolidar.sources.folder_layout import list_folders, list_pictures
 from pseudolidar.structures.image_size import ImageSize
@@ -77,6 +77,7 @@ def run(job: Rig) -> RigReport:
     form = None if job.out is None else job.to or form_of(job.out)
     for file in () if job.out is None or form is None else files_of(job.out, form):
         check_new_file(file, overwrite=job.overwrite)
+        check_kind(file, is_text, "calibration as text")
     found, known_size, notes = _read(job)
     reading = _meant(found, job)
     if job.out is None:

@@ -15,11 +15,13 @@ from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
 from pseudolidar.running.journal.identity import identity
+from pseudolidar.running.new_file import check_kind, check_new_file, is_text
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.progress import TimeProgress
 from pseudolidar.running.tuning.duration import Duration
 from pseudolidar.running.tuning.findings import Figures, Found, TuneReport, write_settings
 from pseudolidar.running.tuning.judged import By, JudgedFrames
+from pseudolidar.running.tuning.picture_mark import is_picture_of_trials
 from pseudolidar.running.tuning.search import Budget, Scored, Search
 from pseudolidar.running.tuning.space import Candidate, Space
 from pseudolidar.running.tuning.trials import Trials
@@ -209,7 +211,8 @@ def check_place(job: Tune) -> Path:
     """The journal's path; OUT is new, or the search that belongs to it goes on.
 
     Raises:
-        UsageError: OUT is there, and no journal beside it.
+        UsageError: OUT is there, and no journal beside it; or it or the picture would replace
+            a file of another kind.
         OutputError: nothing can be written there.
     """
     journal = job.out.with_name(job.out.stem + JOURNAL_SUFFIX)
@@ -222,6 +225,10 @@ def check_place(job: Tune) -> Path:
             fix="Name another with --out, or pass --overwrite to replace a file.",
             path=job.out,
         )
+    check_kind(job.out, is_text, "file of settings")
+    if job.picture is not None:
+        check_new_file(job.picture, overwrite=True, flag="--picture")
+        check_kind(job.picture, is_picture_of_trials, "picture of trials", flag="--picture")
     return journal
 
 

@@ -14,6 +14,7 @@ from pseudolidar.running.products.outputs import KINDS, MAPS, folder_of
 from pseudolidar.sources.body import Body, pair_folders
 from pseudolidar.sources.cloud_files import CloudFiles, cloud_files_of
 from pseudolidar.sources.folder import Folders
+from pseudolidar.sources.folder_layout import list_pictures
 from pseudolidar.sources.recognise import Source
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.sources.synthetic import Synthetic
@@ -63,13 +64,17 @@ def check_elsewhere(folder: Path, source: Source) -> None:
     """Refuse an output folder that is the source's own, where outputs have the names of inputs.
 
     Raises:
-        UsageError: it is the folder of the source, or that in which the source and its rig lie.
+        UsageError: it is the folder of the source, or that in which the source and its rig lie, or
+            one of its folders of pictures.
     """
     if isinstance(source, Synthetic):
         return
     place = Path(source.path).resolve()
     if folder.resolve() == place or (place.is_file() and folder.resolve() == place.parent):
         raise _holds_what_is_read(folder, place)
+    if place in folder.resolve().parents and not (folder / JOURNAL_NAME).exists():
+        for picture in list_pictures(folder) if folder.is_dir() else ():
+            raise _holds_what_is_read(folder, picture)
 
 
 def _holds_what_is_read(folder: Path, path: Path) -> UsageError:

@@ -103,8 +103,11 @@ def _locked(path: Path) -> Iterator[None]:
     descriptor = _lock(path)
     try:
         owner = {"pid": os.getpid(), "host": socket.gethostname(), "since": _now()}
-        os.ftruncate(descriptor, 0)
-        os.pwrite(descriptor, json.dumps(owner).encode(), 0)
+        try:
+            os.ftruncate(descriptor, 0)
+            os.pwrite(descriptor, json.dumps(owner).encode(), 0)
+        except OSError as error:  # a disk without a single free block
+            raise output_error(path, error) from error
         yield
     finally:
         with contextlib.suppress(OSError):

@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from pseudolidar.errors import PseudolidarError, UsageError
 from pseudolidar.formats.atomic import write_atomic
+from pseudolidar.formats.rigs.body_json import has_pairs, read_body
 from pseudolidar.formats.rigs.rig_json import read_rig, write_rig
 from pseudolidar.running.new_file import check_new_file
 from pseudolidar.structures.camera import StereoRig
 
 
 def check_rig_place(out: Path, *, overwrite: bool) -> None:
-    """Raise `UsageError` where a file would be written over, unasked or one that is no rig."""
+    """Refuse a rig file that cannot be written, or would replace a file unasked or no rig.
+
+    Raises:
+        UsageError: a file would be written over, unasked or one that is no rig.
+        OutputError: nothing can be written there.
+    """
     check_new_file(out, overwrite=overwrite)
     if out.exists():
         try:
-            read_rig(out)
+            if has_pairs(out):
+                read_body(out)
+            else:
+                read_rig(out)
         except PseudolidarError as error:
             raise UsageError(
                 f"a file that is no rig ({error})",
@@ -28,10 +38,15 @@ def check_rig_place(out: Path, *, overwrite: bool) -> None:
 
 def store_rig(out: Path, rig: StereoRig) -> Path | None:
     """Write the rig file; one that was there is kept beside it, so that it can be taken back."""
+    return stored(out, lambda: write_rig(out, rig))
+
+
+def stored(out: Path, write: Callable[[], None]) -> Path | None:
+    """Write a rig file by `write`; returns where the one is that was there, None without one."""
     if not out.exists():
-        write_rig(out, rig)
+        write()
         return None
     previous = out.with_name(f"{out.stem}.previous{out.suffix}")
     write_atomic(previous, out.read_bytes())
-    write_rig(out, rig)
+    write()
     return previous

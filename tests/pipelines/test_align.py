@@ -51,6 +51,14 @@ def test_places_are_written_with_how_sure_they_are(
     assert cli.main(["info", str(street)]) == 0
     args = ["convert", str(street), str(tmp_path / "out"), "--rig", str(out), "--no-check"]
     assert cli.main(args) == 0
+    # What was there is kept, and what is no rig stays as it is.
+    first = out.read_bytes()
+    assert cli.main(["align", str(street), "--out", str(out), "--overwrite", *LOOSE]) == 0
+    assert (tmp_path / "rig.previous.json").read_bytes() == first
+    picture = tmp_path / "left.png"
+    picture.write_bytes(b"\x89PNG, mine")
+    assert cli.main(["align", str(street), "--out", str(picture), "--overwrite", *LOOSE]) == 2
+    assert picture.read_bytes() == b"\x89PNG, mine"
 
 
 @pytest.mark.parametrize(

@@ -134,3 +134,8 @@ def test_a_file_is_replaced_only_when_asked(tmp_path, capsys):
     assert main(args) == 0
     assert main(args) == 2
     assert main([*args, "--overwrite"]) == 0
+    # ... and never what is no such file.
+    (tmp_path / "board.pdf").write_bytes(b"\x89PNG, mine")
+    assert main([*args, "--overwrite"]) == 2
+    assert "no PDF file" in capsys.readouterr().err
+    assert (tmp_path / "board.pdf").read_bytes() == b"\x89PNG, mine"

@@ -432,3 +432,17 @@ def test_a_camera_that_ends_for_good_leaves_whole_files_and_says_so(tmp_path: Pa
     assert report_of(out)["exit_code"] == 5
     assert len(frames_in(out / "pipe.mcap")) == report_of(out)["committed"] >= 3
     assert not part_path(out / "pipe.mcap").exists()
+
+
+def test_no_picture_of_anybody_is_written_over(videos: Path, tmp_path: Path) -> None:
+    (tmp_path / "left").mkdir()
+    mine = tmp_path / "left" / "000000.png"
+    mine.write_bytes(b"mine")
+    for overwrite in (False, True):
+        saving = job(videos, Path("out"), capture=tmp_path, every=0.1, overwrite=overwrite)
+        with pytest.raises(UsageError, match="no run has written it"):
+            run(saving)
+    assert mine.read_bytes() == b"mine"
+    mine.rename(tmp_path / "left0.png")  # folders left and right would hide it
+    with pytest.raises(UsageError, match="no run has written it"):
+        run(job(videos, Path("out"), capture=tmp_path, every=0.1))

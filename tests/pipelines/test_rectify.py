@@ -188,3 +188,29 @@ def test_bad_input_is_named(
     want = tmp_path / "e"
     assert main(["rectify", str(stored([raw[0]], tmp_path / "right")), str(want)]) == 0
     assert (tmp_path / "d/left/000.png").read_bytes() == (want / "left/000.png").read_bytes()
+
+
+def test_no_picture_of_anybody_is_written_over(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "mine"
+    (out / "left").mkdir(parents=True)
+    (out / "left" / "000.png").write_bytes(b"mine")
+    for more in ((), ("--overwrite",)):
+        assert "no run has written" in refused(capsys, "rectify", folder, out, *more)["got"]
+    # A folder of the source's pictures, in which folders left and right would hide them.
+    error = refused(capsys, "rectify", folder, folder / "left")
+    assert "holds what is read" in error["got"]
+    assert sorted(path.name for path in out.iterdir()) == ["left"]
+    assert (out / "left" / "000.png").read_bytes() == b"mine"
+    assert not (folder / "left" / "left").exists()
+
+
+def test_maps_of_several_views_are_refused_by_name(
+    wide: RawPair, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = stored([wide], tmp_path / "wide")
+    line = ("convert", folder, tmp_path / "out", "--rectify.views", "3", "--to", "depth")
+    error = refused(capsys, *line)
+    assert "depth" in error["got"]
+    assert "--rectify.views" in error["fix"]

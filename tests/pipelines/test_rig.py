@@ -124,6 +124,29 @@ def test_nothing_is_replaced_unasked(raw: Path, capsys: pytest.CaptureFixture[st
     assert not (ros / "left.yaml").exists()
     called(capsys, raw, "--out", out, "--overwrite")
     assert out.read_text().startswith("%YAML")
+    picture = raw.parent / "left.jpg"
+    picture.write_bytes(b"\xff\xd8\xff\xe0mine")
+    line = ["rig", str(raw), "--out", str(picture), "--to", "opencv", "--overwrite"]
+    assert cli.main(line) == 2
+    assert picture.read_bytes() == b"\xff\xd8\xff\xe0mine"
+
+
+def test_a_lens_that_is_seen_further_than_its_model_holds(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Real fisheyes calibrated in the middle: the formula turns back at 75 degrees."""
+    K = [[227.5, 0, 472.1], [0, 227.0, 307.5], [0, 0, 1]]
+    lens = {"K": K, "model": "fisheye", "distortion": [0.0215, -0.0168, 0.0137, -0.0052]}
+    eyes = {"left": lens, "right": lens, "baseline_m": 0.11}
+    rig = tmp_path / "rig.json"
+    rig.write_text(json.dumps({"schema": 1, "width_px": 960, "height_px": 600, **eyes}))
+    across, down = called(capsys, rig)["left"]["field_deg"]
+    assert across is None
+    assert 145 < down < 155
+    assert cli.main(["rig", str(rig)]) == 0
+    out = capsys.readouterr().out
+    assert "unknown x" in out
+    assert "nan" not in out
 
 
 @pytest.mark.parametrize(

@@ -146,3 +146,12 @@ def test_no_file_of_anybody_else_is_written_over(capsys, tmp_path):
     told(capsys, *line, "--overwrite")
     assert json.loads(out.read_text())["schema"] == 1
     assert told(capsys, *line[:-1], tmp_path, status=2)["error"]["got"] == "a folder"
+    # A picture is drawn anew only where it is of trials.
+    photo = tmp_path / "photo.png"
+    photo.write_bytes(b"\x89PNG, mine")
+    again = (*line, "--picture", photo)
+    assert "picture of trials" in told(capsys, *again, status=2)["error"]["got"]
+    assert photo.read_bytes() == b"\x89PNG, mine"
+    drawn = (*line, "--picture", tmp_path / "trials.png")
+    told(capsys, *drawn)
+    told(capsys, *drawn)

@@ -99,3 +99,25 @@ def test_nothing_is_written_or_deleted_through_a_link(tmp_path):
 def test_outputs_stay_inside(tmp_path, name):
     with pytest.raises(OutputError):
         inside(tmp_path, name)
+
+
+NO_BLOCK = """
+import resource, sys
+from pathlib import Path
+from pseudolidar.errors import OutputError
+from pseudolidar.running.folder import own_folder
+resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+try:
+    with own_folder(Path(sys.argv[1])):
+        pass
+except OutputError as error:
+    print(error)
+"""
+
+
+def test_a_disk_without_a_free_block_is_told(tmp_path):
+    line = [sys.executable, "-c", NO_BLOCK, str(tmp_path)]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=60, check=False)
+    assert "Free some space" in done.stdout
+    assert done.returncode == 0
+    assert list(tmp_path.iterdir()) == []

@@ -13,6 +13,9 @@ from pseudolidar.running.products.product import Product
 from pseudolidar.sources.bare_pairs import BarePair
 from pseudolidar.structures.arrays import Image
 
+# Folders of what the eyes see.
+EYES = ("left", "right")
+
 
 @dataclass(frozen=True)
 class SavePair:
@@ -27,7 +30,8 @@ class SavePair:
 
 def names_of(pair_id: str) -> tuple[str, str]:
     """Names of both files of a pair."""
-    return f"left/{pair_id}.png", f"right/{pair_id}.png"
+    left, right = (f"{eye}/{pair_id}.png" for eye in EYES)
+    return left, right
 
 
 def saved_pairs(folder: Path, ids: Iterable[str]) -> Iterator[tuple[Image, Image]]:

@@ -47,8 +47,10 @@ ENCODERS: Mapping[str, Callable[[Converted], bytes]] = {
     "ply:ascii": lambda converted: encode_ply(converted.cloud, encoding="ascii"),
     "bin": lambda converted: encode_velodyne_bin(_scan_points(converted)),
     "npz": lambda converted: encode_npz(converted.cloud),
-    "disparity": lambda converted: encode_disparity_png(_known(converted, converted.disparity)),
-    "depth": lambda converted: encode_depth_png(_known(converted, converted.depth)),
+    "disparity": lambda converted: encode_disparity_png(
+        _known(converted, converted.disparity, "disparity")
+    ),
+    "depth": lambda converted: encode_depth_png(_known(converted, converted.depth, "depth")),
 }
 
 
@@ -183,7 +185,7 @@ def _histogram(converted: Converted) -> list[int]:
     return counts
 
 
-def _known(converted: Converted, values: KnownMap | None) -> KnownMap:
+def _known(converted: Converted, values: KnownMap | None, name: str) -> KnownMap:
     """A map of the frame.
 
     Raises:
@@ -191,9 +193,9 @@ def _known(converted: Converted, values: KnownMap | None) -> KnownMap:
     """
     if values is None:
         raise NoPairs(
-            "a frame without such a map",
-            want="pairs of pictures",
-            fix="Leave it out of --to.",
+            f"a frame without one {name} map",
+            want=f"pairs of pictures, in one view each, for --to {name}",
+            fix=f"Leave {name} out of --to, and --rectify.views if it is there.",
             where=f"frame {converted.frame.id}",
         )
     return values

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -143,7 +144,7 @@ class RigReport:
 def camera_figures(camera: Camera, *, known_size: bool = True) -> dict[str, Any]:
     """Figures of one camera; null where the size of its pictures is needed and not known."""
     K = camera.K
-    across, down = field_deg(camera) if known_size else (None, None)
+    across, down = map(_known_or_none, field_deg(camera)) if known_size else (None, None)
     return {
         "width_px": camera.width_px if known_size else None,
         "height_px": camera.height_px if known_size else None,
@@ -155,6 +156,14 @@ def camera_figures(camera: Camera, *, known_size: bool = True) -> dict[str, Any]
         "model": camera.model,
         "distortion": camera.distortion.tolist(),
     }
+
+
+# Of a side of the picture where the lens is bent so that its formula turns back.
+BEYOND = "unknown"
+
+
+def _known_or_none(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 _CAMERA = ("picture", "focal lengths", "centre", "field", "lens", "distortion")
@@ -171,7 +180,12 @@ def _camera_text(name: str, figures: Mapping[str, Any]) -> str:
             return f"{figures['cx_px']:.6g}, {figures['cy_px']:.6g} px"
         case "field":
             across, down = figures["field_deg"]
-            return "" if across is None else f"{across:.1f} x {down:.1f} deg"
+            if figures["width_px"] is None:
+                return ""
+            sides = (
+                "wider than the model holds" if x is None else f"{x:.1f}" for x in (across, down)
+            )
+            return " x ".join(sides) + " deg"
         case "lens":
             bent = any(figures["distortion"]) or figures["model"] == "fisheye"
             return f"{figures['model']}, {len(figures['distortion'])} numbers" if bent else "none"

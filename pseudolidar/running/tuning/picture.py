@@ -17,6 +17,7 @@ from pseudolidar.evaluation.comparison.plots.style import (
     nothing,
 )
 from pseudolidar.running.tuning.findings import Found
+from pseudolidar.running.tuning.picture_mark import TITLE
 from pseudolidar.running.tuning.search import Search
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def trials_png(search: Search, found: Found) -> bytes:
     _draw_losses(left, search, found)
     _draw_ranks(right, search)
     out = io.BytesIO()
-    figure.savefig(out, format="png")
+    figure.savefig(out, format="png", metadata={"Title": TITLE})
     return out.getvalue()
 
 
