@@ -145,7 +145,7 @@ def test_a_lens_that_is_seen_further_than_its_model_holds(
     assert 145 < down < 155
     assert cli.main(["rig", str(rig)]) == 0
     out = capsys.readouterr().out
-    assert "unknown x" in out
+    assert "wider" in out
     assert "nan" not in out
 
 

@@ -159,7 +159,7 @@ def camera_figures(camera: Camera, *, known_size: bool = True) -> dict[str, Any]
 
 
 # Of a side of the picture where the lens is bent so that its formula turns back.
-BEYOND = "unknown"
+BEYOND = "wider than the model holds"
 
 
 def _known_or_none(value: float) -> float | None:
@@ -182,9 +182,7 @@ def _camera_text(name: str, figures: Mapping[str, Any]) -> str:
             across, down = figures["field_deg"]
             if figures["width_px"] is None:
                 return ""
-            sides = (
-                "wider than the model holds" if x is None else f"{x:.1f}" for x in (across, down)
-            )
+            sides = (BEYOND if x is None else f"{x:.1f}" for x in (across, down))
             return " x ".join(sides) + " deg"
         case "lens":
             bent = any(figures["distortion"]) or figures["model"] == "fisheye"
