@@ -163,6 +163,7 @@ def run(job: Tune) -> TuneReport:
         journal=journal,
         picture=job.picture,
         warnings=warnings,
+        skipped=frames.skipped,
     )
 
 

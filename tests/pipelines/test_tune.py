@@ -155,3 +155,17 @@ def test_no_file_of_anybody_else_is_written_over(capsys, tmp_path):
     drawn = (*line, "--picture", tmp_path / "trials.png")
     told(capsys, *drawn)
     told(capsys, *drawn)
+
+
+def test_pictures_that_cannot_be_read_are_told(capsys, tmp_path):
+    pairs = tmp_path / "pairs"
+    scene = ["--world", "room", "--layout", "object", "--frames", "4", "--width-px", "200"]
+    assert main(["synth", str(pairs), *scene]) == 0
+    broken = next(pairs.rglob("image_2/*1.png"))
+    broken.write_bytes(broken.read_bytes()[:900])
+    capsys.readouterr()
+    line = ("tune", pairs, *SMALL, "--candidates", 1, "--out")
+    found = told(capsys, *line, tmp_path / "s.json", "--no-check", status=4)
+    assert [each["id"] for each in found["skipped"]] == [broken.stem]
+    assert main([*map(str, line), str(tmp_path / "t.json"), "--no-check"]) == 4
+    assert f"left out: {broken.stem}: ImageTruncated" in capsys.readouterr().out

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from pseudolidar.errors import ALL_DONE
+from pseudolidar.errors import ALL_DONE, SOME_SKIPPED, printable
 from pseudolidar.evaluation.disparity import mean_known
 from pseudolidar.evaluation.matching_loss import Judgement
 from pseudolidar.formats.atomic import write_atomic
+from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.running.settings_json import FOR_EVERY_VERB, settings_differences, to_json
 from pseudolidar.running.table import table_text
 from pseudolidar.running.tuning.space import Candidate
@@ -127,6 +128,7 @@ class TuneReport:
         journal: of the trials.
         picture: of them, if it was asked for.
         warnings: what is odd about the pairs.
+        skipped: frames that cannot be read, of those that were to be judged.
     """
 
     subject: str
@@ -142,11 +144,12 @@ class TuneReport:
     journal: Path
     picture: Path | None = None
     warnings: tuple[str, ...] = ()
+    skipped: tuple[Skipped, ...] = ()
 
     @property
     def exit_code(self) -> int:
-        """0."""
-        return ALL_DONE
+        """4 if frames were skipped, else 0."""
+        return SOME_SKIPPED if self.skipped else ALL_DONE
 
     def as_dict(self) -> dict[str, Any]:
         """For `--json`."""
@@ -170,6 +173,7 @@ class TuneReport:
             "journal": str(self.journal),
             "picture": None if self.picture is None else str(self.picture),
             "warnings": list(self.warnings),
+            "skipped": [{"id": each.id, **each.error.as_dict()} for each in self.skipped],
         }
 
     def text(self) -> str:
@@ -192,6 +196,7 @@ class TuneReport:
             lines.append(table_text(rows, header=("setting", "first", "best")))
         lines.append(f"on frames that were not tuned on ({', '.join(self.held)}):")
         lines.append(table_text(_figure_rows(found), header=("", "first", "best")))
+        lines += [f"left out: {each.id}: {printable(str(each.error))}" for each in self.skipped]
         lines.append(f"{self.out}: pass it to other commands with --settings")
         lines.append(f"{self.journal}: every trial; the same command goes on with it")
         if self.picture is not None:

@@ -19,6 +19,7 @@ from pseudolidar.evaluation.matching_loss import (
 from pseudolidar.geometry.rectified_pixels import unmasked
 from pseudolidar.geometry.triangulation import disparity_from_depth
 from pseudolidar.running.comparing.references import OwnReference
+from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.sources.selection import whole
 from pseudolidar.sources.source import FrameSource
 from pseudolidar.stereo.matcher import StereoMatcher
@@ -86,11 +87,13 @@ class JudgedFrames:
         by: what they are compared with.
         tuned_on: what the search sees.
         held: what it does not.
+        skipped: frames that would have been in one of them, but cannot be read.
     """
 
     by: str
     tuned_on: tuple[JudgedFrame, ...]
     held: tuple[JudgedFrame, ...]
+    skipped: tuple[Skipped, ...] = ()
 
     @classmethod
     def of(
@@ -110,7 +113,10 @@ class JudgedFrames:
             SourceEmpty: not one frame can be read.
         """
         first, last = halves(len(source.ids), tuned_on, held)
-        frames = {index: frame for index in (*first, *last) if (frame := _read(source, index))}
+        skipped: list[Skipped] = []
+        frames = {
+            index: frame for index in (*first, *last) if (frame := _read(source, index, skipped))
+        }
         if not frames:
             raise SourceEmpty("no pair that can be read", want="some", path=source.summary.path)
         chosen = by if by != "auto" else _best(list(frames.values()))
@@ -132,7 +138,7 @@ class JudgedFrames:
                 want="one to tune on and one to hold back",
                 fix="Choose other frames, or --by pairs, which needs pairs only.",
             )
-        return cls(chosen, *ready)
+        return cls(chosen, ready[0], ready[1], tuple(skipped))
 
 
 def halves(frames: int, tuned_on: int, held: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -152,10 +158,11 @@ def _spread(begin: int, end: int, most: int) -> tuple[int, ...]:
     return tuple(begin + (2 * step + 1) * (end - begin) // (2 * n) for step in range(n))
 
 
-def _read(source: FrameSource, index: int) -> StereoFrame | None:
+def _read(source: FrameSource, index: int, skipped: list[Skipped]) -> StereoFrame | None:
     try:
         return source.load(index)
-    except PseudolidarError:
+    except PseudolidarError as error:
+        skipped.append(Skipped(source.ids[index], index, error))
         return None
 
 
