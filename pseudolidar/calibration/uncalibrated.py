@@ -44,10 +44,14 @@ ASSUMED_WIDTHS, TRIED_RATIOS, LEAST_GAIN = 0.9, (0.5, 0.7, 1.4, 2.0), 0.1
 WRONG_PX, NOISE_PX = 1.0, 0.3
 # Cameras turned by more than this are not side by side, degrees.
 MOST_TURNED_DEG = 40.0
-# Rows farther apart than this, 68 % of the matches, px: no rectification was found.
+# Rows farther apart than this, of so many of the matches, px: no rectification was found.
 MOST_ROWS_PX = 1.0
-# Disparity that the farthest matches have at least, px: at infinity and behind it is no point.
-LEAST_FAR_PX, FAR_QUANTILE, MOST_MOVES = 1.0, 0.01, 5
+ROWS_SHARE = 0.68
+# Disparity that the farthest matches have at least, px: at infinity and behind it is no point. The
+# centre is moved so often at most, or until no more than this share of it is missing.
+LEAST_FAR_PX, FAR_QUANTILE, MOST_MOVES, MISSING_SHARE = 1.0, 0.01, 5, 0.1
+# Size of the angles that are usual, rad: the solver's unit.
+USUAL_RAD = 0.01
 # How far the nearest matches are, in the rig's unit.
 NEAREST_UNITS = 1.25 * DEFAULT_MIN_DEPTH_M
 # Matches lie in clumps that err alike.
@@ -114,7 +118,7 @@ def fit_uncalibrated(
         flat = solver.rectified(found.angles, a, b)
         _check(found.angles, flat)
         short_px = LEAST_FAR_PX - flat.far_px
-        if short_px < 0.1 * LEAST_FAR_PX:
+        if short_px < MISSING_SHARE * LEAST_FAR_PX:
             break
         moved_px += short_px
         solver = solver.moved(short_px)
@@ -207,7 +211,7 @@ class _Solver:
             args=(a, b),
             loss="cauchy",
             f_scale=NOISE_PX,
-            x_scale=np.full(5, 0.01),
+            x_scale=np.full(5, USUAL_RAD),
         )
         noise_px = robust_sigma(found.fun)
         J = np.asarray(found.jac, np.float64)
@@ -308,10 +312,11 @@ def _mapped(H: Float64, px: Float64) -> Float64:
 
 def _check(angles: Float64, flat: _Flat) -> None:
     turned_deg = float(np.degrees(np.abs(angles).max()))
-    rows = float(np.quantile(flat.rows_px, 0.68))
+    rows = float(np.quantile(flat.rows_px, ROWS_SHARE))
     if turned_deg > MOST_TURNED_DEG or not rows < MOST_ROWS_PX:
         raise CalibrationValue(
-            f"cameras turned by {turned_deg:.0f} degrees, rows of 68 % within {rows:.2f} px",
+            f"cameras turned by {turned_deg:.0f} degrees, rows of {100 * ROWS_SHARE:.0f} % within "
+            f"{rows:.2f} px",
             want=f"cameras side by side, turned by less than {MOST_TURNED_DEG:.0f} degrees",
             fix="Are these pictures of two cameras side by side, and is the focal length right? "
             "Strong lens distortion needs a calibration.",

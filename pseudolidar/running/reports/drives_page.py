@@ -60,45 +60,9 @@ def drives_page(report: DrivesReport, *, settings: Mapping[str, str]) -> bytes:
     every, drives = report.every, report.reports
     references = ", ".join(dict.fromkeys(each.comparison.reference for each in drives.values()))
     sections = [
-        Section(
-            "Error by range, all drives",
-            table=range_table(every),
-            header=RANGE_HEADER,
-            pictures=[
-                PictureRow(
-                    (
-                        Picture.plot(
-                            range_error_plot(every.by_range),
-                            "Relative depth error by range of the points of all drives. Whiskers "
-                            "hold 95 % of resamples of the frames.",
-                        ),
-                    )
-                )
-            ],
-        ),
-        Section(
-            "Drive by drive",
-            "Median depth error by range of the reference. Names lead to the report of the drive, "
-            "in its folder.",
-            table=_linked(report.rows()),
-            header=report.header,
-            pictures=[
-                PictureRow(
-                    (
-                        Picture.plot(
-                            drives_plot({n: each.comparison.overall for n, each in drives.items()}),
-                            "All points of each drive, the largest median on top.",
-                        ),
-                    )
-                )
-            ],
-        ),
-        Section(
-            "What is wrong, drive by drive",
-            table=[(_link(name), *_found(each)) for name, each in drives.items()],
-            header=("drive", "systematic error", "what fits best"),
-            cells="words",
-        ),
+        _by_range(every),
+        _by_drive(report),
+        _causes(report),
         *_clouds(every),
         *_left_out(report),
         Section(
@@ -119,6 +83,44 @@ def drives_page(report: DrivesReport, *, settings: Mapping[str, str]) -> bytes:
         lead=headline(every, references, every.frames),
         keys=key_figures(every),
         width_px=PAGE_PX,
+    )
+
+
+def _by_range(every: PooledFigures) -> Section:
+    plot = Picture.plot(
+        range_error_plot(every.by_range),
+        "Relative depth error by range of the points of all drives. Whiskers hold 95 % of "
+        "resamples of the frames.",
+    )
+    return Section(
+        "Error by range, all drives",
+        table=range_table(every),
+        header=RANGE_HEADER,
+        pictures=[PictureRow((plot,))],
+    )
+
+
+def _by_drive(report: DrivesReport) -> Section:
+    plot = Picture.plot(
+        drives_plot({name: each.comparison.overall for name, each in report.reports.items()}),
+        "All points of each drive, the largest median on top.",
+    )
+    return Section(
+        "Drive by drive",
+        "Median depth error by range of the reference. Names lead to the report of the drive, in "
+        "its folder.",
+        table=_linked(report.rows()),
+        header=report.header,
+        pictures=[PictureRow((plot,))],
+    )
+
+
+def _causes(report: DrivesReport) -> Section:
+    return Section(
+        "What is wrong, drive by drive",
+        table=[(_link(name), *_found(each)) for name, each in report.reports.items()],
+        header=("drive", "systematic error", "what fits best"),
+        cells="words",
     )
 
 
