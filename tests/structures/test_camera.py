@@ -11,6 +11,7 @@ from pseudolidar.errors import CalibrationSizeMismatch, CalibrationValue, NotRec
 from pseudolidar.structures.camera import UNREFINED_SIGMA_PX, Camera, StereoRig
 from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.pose import Pose
+from tests.raw_rigs import raw_rig
 
 WIDTH, HEIGHT = 640, 480
 
@@ -118,6 +119,17 @@ def test_pixels_of_resized_images_keep_their_rays():
         np.testing.assert_allclose((X / Z + 0.5, Y / Z + 0.5), (2 * (x / z + 0.5), 2 * y / z + 1))
     assert large.baseline_m == pytest.approx(small.baseline_m)
     assert large.doffs_px == pytest.approx(2 * small.doffs_px)
+
+
+def test_eyes_of_two_sizes_are_resized_by_the_same_ratios():
+    raw = raw_rig(5, right_px=(320, 240))
+    large = raw.scaled_to(1280, 1440)
+    assert (large.left.size_px, large.right.size_px) == ((1280, 1440), (640, 720))
+    for name in ("left", "right"):
+        before, after = getattr(raw, name), getattr(large, name)
+        np.testing.assert_allclose(np.diag(after.K), np.diag(before.K) * [2, 3, 1])
+        np.testing.assert_allclose(after.K[:2, 2] + 0.5, (before.K[:2, 2] + 0.5) * [2, 3])
+        np.testing.assert_array_equal(after.distortion, before.distortion)
 
 
 def test_correction_grows_with_the_images():

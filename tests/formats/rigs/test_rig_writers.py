@@ -72,6 +72,37 @@ def test_unrectified_rigs_of_every_lens_come_back(
         assert got.rectified.baseline_m == pytest.approx(plan.rig.baseline_m, rel=1e-15)
 
 
+@pytest.mark.parametrize("name", ["a.yml", "a.json", "ros"])
+@pytest.mark.parametrize("models", [("pinhole", "fisheye"), ("fisheye", "pinhole")])
+def test_eyes_with_lenses_of_two_kinds_come_back(
+    models: tuple[str, str], name: str, tmp_path: Path
+) -> None:
+    left, right = (raw_rig(4, model=model) for model in models)  # type: ignore[arg-type]
+    rig = replace(left, right=right.right)
+    out = str(tmp_path / name)
+    write_any_rig(out, reading_of(rig), form="ros" if name == "ros" else "opencv")
+    got = read_any_rig(out).raw
+    assert (got.left.model, got.right.model) == models
+    assert_same_cameras(got, rig, exact=name != "ros")
+
+
+def test_q_is_left_out_where_pixels_are_not_square(tmp_path: Path) -> None:
+    """OpenCV's Q knows one focal length; P1 and P2 know both."""
+    square = small_rig()
+    K = square.left.K * [[1, 1, 1], [1, 1.1, 1], [1, 1, 1]]
+    flat = replace(square, left=replace(square.left, K=K), right=replace(square.right, K=K))
+    for rig, has_q in ((square, True), (flat, False)):
+        path = tmp_path / f"{has_q}.yml"
+        write_any_rig(str(path), reading_of(rig))
+        storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+        Q, P2 = storage.getNode("Q"), storage.getNode("P2").mat()
+        assert (not Q.empty()) == has_q
+        np.testing.assert_array_equal(P2, rig.P_right)
+        if has_q:
+            np.testing.assert_array_equal(Q.mat(), rig.Q)
+        assert_same_cameras(read_any_rig(path).of_rectified, rig)
+
+
 @pytest.mark.parametrize("name", ["a.yml", "a.xml", "a.json"])
 @pytest.mark.parametrize(("model", "count"), LENSES)
 def test_opencv_reads_every_number(name: str, model: str, count: int, tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from pseudolidar.sources.capture.eyes import Eyes
 from tests.boards import board, picture, pinhole_rig, poses
 from tests.cameras import write_eyes
 from tests.sources.capture.test_cameras import drained
+from tests.sources.capture.test_eyes import shots
 
 BOARD, RIG = board("chessboard:9x6"), pinhole_rig()
 POSES, STEADY = 4, 3
@@ -86,6 +87,22 @@ def test_each_pose_is_kept_once_when_it_is_still_and_sharp(film, tmp_path: Path)
         np.testing.assert_array_equal(pair.left, pictures[number])
         seen = FindInPair(BOARD)(pair.left, pair.right, pair.id)
         assert len(seen.left) == len(seen.right) == 54
+
+
+def test_a_board_that_was_just_brought_in_may_still_move() -> None:
+    pose = poses(BOARD, 1, seed=2)[0]
+    still = shots(*both(pose))
+    shifted = pose.copy()
+    shifted[0, 3] += 0.01
+    views = NewViews(BOARD, Eyes())
+    assert not views(still)
+    assert views.words.startswith("moving;")
+    assert not views(shots(*both(shifted)))
+    assert views.words.startswith("moving;")
+    assert not views(still)
+    assert views(still)
+    assert not views(still)
+    assert views.words.startswith("as one of the others; 1 views")
 
 
 def test_what_was_kept_before_is_not_new(film, tmp_path: Path) -> None:
