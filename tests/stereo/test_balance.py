@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -13,6 +14,9 @@ from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.balance import BalancedMatcher, balanced, clipped_share, measured
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.sgbm import Bm, Sgbm
+from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.pose import Pose
 from tests.exposed import CASES, exposed
 
 
@@ -32,6 +36,27 @@ def test_the_difference_that_was_put_on_is_measured(pair):
     assert found.vignetting - own.vignetting == pytest.approx(-0.3, abs=0.05)
     for gain, before, put_on in zip(found.gain, own.gain, (0.84, 0.7, 0.583), strict=True):
         assert gain / before**1.3 == pytest.approx(put_on, rel=0.06)
+
+
+def test_light_is_compared_at_what_both_eyes_see():
+    """A wall 60 px of disparity away that grows brighter to the right; the right corners darken."""
+    width, height, near_px = 400, 200, 60
+    rng = np.random.default_rng(4)
+    texture = cv2.resize(rng.uniform(0.7, 1, (height // 4, width // 4)), (width + near_px, height))
+    ramp = np.linspace(50, 240, width + near_px)
+    wall = (texture * ramp).astype(np.uint8)
+    left, right = wall[:, :width].copy(), wall[:, near_px:].copy()
+    K = np.array([[200.0, 0, 199.5], [0, 200.0, 99.5], [0, 0, 1]])
+    flat = (Camera(K, width, height), Camera(K, width, height, frame="camera_right"))
+    rig = StereoRig(
+        *flat, Pose.from_rotation("camera_right", "camera_left", np.eye(3), [-0.5, 0, 0])
+    )
+    scout = Census().load(min_depth_m=1.2)
+    seen = StereoFrame(left, exposed(right, vignetting=-0.5), rig, "wall", 0, 1)
+    found = measured(seen, scout)
+    assert found.gain[0] == pytest.approx(1.0, abs=0.03)
+    assert found.gamma == pytest.approx(1.0, abs=0.03)
+    assert found.vignetting == pytest.approx(-0.5, abs=0.03)
 
 
 def found_px(matcher, pair):
