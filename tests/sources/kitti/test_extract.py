@@ -21,7 +21,10 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.oxts import OxtsPacket, packet_at, write_oxts
 from pseudolidar.formats.rigs.key_values import key_values_text
+from pseudolidar.formats.rigs.kitti import write_raw_calib
 from pseudolidar.formats.timestamps import write_timestamps
+from pseudolidar.geometry.rectification import rectification
+from pseudolidar.sources.kitti.drives import is_unrectified
 from pseudolidar.sources.kitti.extract import KittiExtract
 from pseudolidar.sources.kitti.raw import KittiRaw
 from pseudolidar.sources.recognise import recognise
@@ -114,6 +117,18 @@ def test_eyes_are_paired_by_time_where_one_has_dropped_a_frame(drive):
     assert any("3 of 5 pairs have eyes of different numbers" in n for n in source.summary.notes)
 
 
+def test_a_right_picture_with_a_partner_is_not_left_out_whatever_its_number(drive):
+    """The left camera lost frame 2: the right picture 5 belongs to the left picture 4."""
+    left, times = pictures(0), stamps(FRAMES)
+    del left[2], times[2]
+    shutil.rmtree(drive / "image_00")
+    write_pictures(drive, 0, left, times)
+    source = KittiExtract(str(drive)).open()
+    assert source.ids == tuple(f"{n:010d}" for n in range(5))
+    np.testing.assert_array_equal(source.load(4).right, pictures(1)[5])
+    assert source.refused == ()
+
+
 def test_pairs_whose_times_disagree_are_left_out_and_told(drive):
     late = [0, 3_000_000, 12_000_000, 0, 25_000_000, 0]
     times = [stamp + by for stamp, by in zip(stamps(FRAMES), late, strict=True)]
@@ -184,6 +199,45 @@ def test_the_imu_is_read_by_time(drive):
         pair = source.load(index)
         np.testing.assert_allclose(pair.pose.translation_m, (index, 0, 0), atol=1e-3)
         assert pair.motion is not None
+
+
+def test_a_packet_of_another_moment_is_none_of_a_picture(drive):
+    write_calibrated_imu(drive)
+    folder = drive / "oxts" / "data"
+    for n in range(3):
+        write_oxts(folder / f"{n:010d}.txt", OxtsPacket(49.0, 8.4, 116.0, 0.01, -0.02, 0.7))
+    near_ns = (19_000_000, 21_000_000, 0)
+    times = [START_NS + n * STEP_NS + by for n, by in enumerate(near_ns)]
+    write_timestamps(folder.parent / "timestamps.txt", times)
+    source = KittiExtract(str(drive)).open()
+    told = [source.load(n).pose is not None for n in range(FRAMES)]
+    assert told == [True, False, True, False, False, False]
+
+
+def test_scans_that_say_when_they_turned_tell_it(drive):
+    write_calibrated_imu(drive)
+    times = stamps(FRAMES)
+    write_scans(drive, [some_scan(k) for k in range(FRAMES)], times)
+    for name, by_ns in (("start", -50_000_000), ("end", 49_000_000)):
+        moved = [stamp + by_ns for stamp in times]
+        write_timestamps(drive / "velodyne_points" / f"timestamps_{name}.txt", moved)
+    scan = KittiExtract(str(drive)).open().load(2).scan
+    assert scan.turn_ns == (times[2] - 50_000_000, times[2] + 49_000_000)
+
+
+def test_a_drive_of_another_name_is_told_by_the_size_of_its_pictures(drive):
+    small = rectification(RIG, size_px=(40, 30))
+    write_raw_calib(drive.parent, RIG, rectified=small)
+    other = drive.rename(drive.with_name("2026_01_02_drive_0007"))
+    assert is_unrectified(other)
+    for camera in (0, 1):
+        shutil.rmtree(other / f"image_0{camera}")
+        write_pictures(other, camera, [p[:30, :40] for p in pictures(camera)], stamps(FRAMES))
+    assert not is_unrectified(other)
+    write_raw_calib(drive.parent, RIG, rectified=rectification(RIG))  # both of one size
+    for camera in (0, 1):
+        write_pictures(other, camera, pictures(camera), stamps(FRAMES))
+    assert not is_unrectified(other)
 
 
 def write_calibrated_imu(drive):
