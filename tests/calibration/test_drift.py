@@ -73,6 +73,16 @@ def test_exact_matches_give_the_exact_turn(turn_deg, t_m):
     assert rotation.matches == 400
 
 
+def test_of_exact_matches_lens_models_alone_leave_the_turn_unsure():
+    """1 px in the corners looks like a yaw of 1 px / (x y), 0.05 px like pitch and roll."""
+    found = eye_rotation([shown(rig_of(), points())])
+    K = rig_of().right.K
+    width, height = rig_of().right.size_px
+    x, y = width / 2 / K[0, 0], height / 2 / K[1, 1]
+    want = np.array([0.05, 1.0 / (x * y), 0.05 / x]) / K[1, 1]
+    np.testing.assert_allclose(found.sigma_rad, want, rtol=1e-3)
+
+
 def test_a_difference_of_focal_lengths_is_no_turn():
     pair = shown(rig_of(), points(), (0.002, 0, 0))
     centre = np.array([399.5, 149.5])
