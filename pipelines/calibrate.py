@@ -12,12 +12,19 @@ from pseudolidar.calibration.boards.seen import BoardSeen, FindInPair
 from pseudolidar.calibration.solving.calibrated import ModelChoice, calibrate
 from pseudolidar.calibration.solving.left_out import LeftOut
 from pseudolidar.calibration.solving.observations import LEAST_CORNERS, Observations
-from pseudolidar.calibration.solving.solve import LEAST_VIEWS, Views
+from pseudolidar.calibration.solving.solve import LEAST_VIEWS, Solution, Views
 from pseudolidar.errors import BoardNotFound
+from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
+from pseudolidar.running.new_file import check_kind, check_new_file, is_text
 from pseudolidar.running.progress import FrameProgress
+from pseudolidar.running.reports.calibration_page import (
+    SHOWN_PAIRS,
+    ShownPair,
+    calibration_page,
+)
 from pseudolidar.running.reports.calibration_report import CalibrateReport
 from pseudolidar.running.rig_output import check_rig_place, store_rig
 from pseudolidar.running.stream import stream
@@ -44,6 +51,7 @@ class Calibrate:
 
         pseudolidar calibrate pictures --board chessboard:9x6 --square 0.025 --out rig.json
         pseudolidar calibrate left.mp4 --board charuco:8x6 --square 0.03 --marker 0.022
+        pseudolidar calibrate pictures --board circles:9x7 --square 0.02 --report report.html
         pseudolidar convert drive out --rig rig.json
 
     Args:
@@ -59,10 +67,12 @@ class Calibrate:
         model: of the lenses: `pinhole` (5 coefficients), `pinhole8`, `thin-prism` (12), `fisheye`;
             `auto` tries pinhole, fisheye and pinhole8.
         out: the rig file.
+        report: a page with plots of all this, such as report.html.
         frames: only these pairs: slices 100:400:2, ids 13,35, or @FILE with such items.
         exclude: not these.
         workers: pairs looked at at the same time; by default one per core.
         overwrite: replace OUT, if that is a rig file; it is kept as OUT's name with .previous.
+            Replace the page.
     """
 
     source: Annotated[Pictures | Films, Recognised(recognise_bare)]
@@ -72,6 +82,7 @@ class Calibrate:
     dictionary: Dictionary | None = None
     model: ModelChoice = "auto"
     out: Annotated[Path, RUN_ONLY] = Path("rig.json")
+    report: Annotated[Path | None, RUN_ONLY] = None
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
     workers: Annotated[int | None, RUN_ONLY] = None
@@ -87,6 +98,9 @@ def run(job: Calibrate) -> CalibrateReport:
     """
     board = Board.of(job.board, job.square, marker_m=job.marker, dictionary=job.dictionary)
     check_rig_place(job.out, overwrite=job.overwrite)
+    if job.report is not None:
+        check_new_file(job.report, overwrite=job.overwrite, flag="--report")
+        check_kind(job.report, is_text, "page", flag="--report")
     pairs = job.source.open().chosen(job.frames, job.exclude)
     crew = CrewPlan(job.workers)
     found, skipped = boards_in(pairs, board, crew)
@@ -94,7 +108,25 @@ def run(job: Calibrate) -> CalibrateReport:
     with FrameProgress(3 if job.model == "auto" else 1, what="models") as progress:
         calibration = calibrate(views, job.model, tried=progress.advance)
     previous = store_rig(job.out, calibration.rig)
-    return CalibrateReport(pairs, calibration, unseen, tuple(skipped), job.out, previous)
+    report = CalibrateReport(
+        pairs, calibration, unseen, tuple(skipped), job.out, previous, job.report
+    )
+    if job.report is not None:
+        shown = shown_pairs(pairs, calibration.solution)
+        page = calibration_page(calibration, pairs.summary.line, report.left_out, shown)
+        write_atomic(job.report, page)
+    return report
+
+
+def shown_pairs(pairs: BarePairs, solution: Solution) -> list[ShownPair]:
+    """Some of the pairs that tie the eyes together, the eyes in their true order."""
+    place = {name: index for index, name in enumerate(pairs.ids)}
+    shown = []
+    for chosen in evenly_placed(len(solution.paired), most=SHOWN_PAIRS):
+        pair = pairs.load(place[solution.views.ids[solution.paired[chosen]]])
+        eyes = (pair.right, pair.left) if solution.swapped else (pair.left, pair.right)
+        shown.append(ShownPair(chosen, *eyes))
+    return shown
 
 
 def boards_in(

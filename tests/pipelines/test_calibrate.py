@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import re
 from pathlib import Path
 
 import cv2
@@ -68,6 +70,28 @@ def test_the_same_for_people(pictures, tmp_path, capsys):
     assert "8 used of 8" in out
     assert "verdict: " in out
     assert "next: Take more pairs" in out  # eight are not many
+
+
+def test_a_page_shows_it(pictures, tmp_path, capsys):
+    page = tmp_path / "report.html"
+    more = "--report", str(page), "--frames", "0:6"
+    assert main(command(pictures, tmp_path / "rig.json", *more)) == 0
+    assert str(page) in capsys.readouterr().out
+    text = page.read_text()
+    heads = re.findall("<h2>(.*?)</h2>", text)
+    for head in ("What it is worth", "Rectified pairs", "Views", "Residuals", "Coverage"):
+        assert head in heads
+    assert "This calibration is poor: pairs used 6" in text
+    assert text.count("<img") == 9
+    shown = re.search(r'alt="view 00[^"]*" src="data:image/jpeg;base64,([^"]+)"', text)
+    both = cv2.imdecode(np.frombuffer(base64.b64decode(shown[1]), np.uint8), 0)
+    assert both.shape == (480, 1280)
+    assert main(command(pictures, tmp_path / "other.json", *more)) == 2  # not written over
+    picture = tmp_path / "left.jpg"
+    picture.write_bytes(b"\xff\xd8\xff\xe0mine")
+    over = "--report", str(picture), "--overwrite"
+    assert main(command(pictures, tmp_path / "other.json", *over)) == 2
+    assert picture.read_bytes() == b"\xff\xd8\xff\xe0mine"
 
 
 def test_exchanged_eyes_are_named(pictures, tmp_path, capsys):

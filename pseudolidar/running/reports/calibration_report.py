@@ -27,6 +27,7 @@ class CalibrateReport:
         skipped: pairs that cannot be read.
         out: the rig file.
         previous: where the rig file is that `out` replaced; None where there was none.
+        page: where the page is, if there is one.
     """
 
     pairs: BarePairs
@@ -35,6 +36,7 @@ class CalibrateReport:
     skipped: tuple[Skipped, ...]
     out: Path
     previous: Path | None
+    page: Path | None = None
 
     @property
     def exit_code(self) -> int:
@@ -87,6 +89,7 @@ class CalibrateReport:
             "path": self.pairs.summary.path,
             "out": str(self.out),
             "previous": None if self.previous is None else str(self.previous),
+            "report": None if self.page is None else str(self.page),
         }
 
     def _views(self) -> list[dict[str, Any]]:
@@ -143,6 +146,8 @@ class CalibrateReport:
         lines.append(f"  {self.out}")
         if self.previous is not None:
             lines.append(f"  the one before: {self.previous}")
+        if self.page is not None:
+            lines.append(f"  {self.page}")
         return "\n".join(printable(part) for line in lines for part in line.splitlines())
 
     def _figures(self) -> list[tuple[str, str]]:
