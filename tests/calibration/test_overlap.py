@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pseudolidar.calibration.overlap import Overlap, Sight, Trust
 from pseudolidar.calibration.overlap_fit import PlaceFound, places_found
+from pseudolidar.calibration.overlap_partners import partners_of
 from pseudolidar.errors import OverlapInsufficient
 from pseudolidar.geometry.frames import BASE_LINK
 from pseudolidar.structures.body import BodyRig
@@ -141,3 +143,21 @@ def test_a_sight_is_near_sure_and_thin() -> None:
     np.testing.assert_allclose(np.linalg.norm(sight.normals, axis=1), 1, atol=1e-5)
     assert ((sight.normals * sight.rays).sum(axis=1) < 0.1).all()
     assert len(Sight.of(cloud[:0], Overlap())) == 0
+
+
+def test_surfaces_that_face_elsewhere_are_no_partners_and_far_ones_count_less() -> None:
+    """Two pairs at one place see the same points; of half of them the other side."""
+    xyz = np.array([[0.0, 0.0, 4.0], [1.0, 0.0, 4.0], [0.0, 1.0, 4.0], [1.0, 1.0, 4.0]])
+    towards, along = np.array([0.0, 0.0, -1.0]), np.array([0.0, -1.0, 0.0])
+    first = Sight(xyz, np.array([towards] * 4), np.full(4, 0.03))
+    off = xyz + np.array([0.0, 0.0, 0.1])
+    second = Sight(off, np.array([towards, towards, along, -towards]), np.full(4, 0.04))
+    place = Pose.identity("base_link", "camera_left")
+    frame = {"a": first, "b": second}
+    found = partners_of(frame, "a", "b", {"a": place, "b": place}, 0.5)
+    np.testing.assert_allclose(found.points, xyz[:2])
+    np.testing.assert_allclose(found.residual_m, 0.1)
+    near = replace(found, residual_m=np.zeros(2))
+    scaled = 0.1 / (2.0 * found.sigma_m)
+    np.testing.assert_allclose(found.weights, near.weights / (1 + scaled**2))
+    np.testing.assert_allclose(near.weights, 1 / found.sigma_m**2)

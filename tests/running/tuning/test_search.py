@@ -89,6 +89,14 @@ def test_the_first_settings_come_first_and_better_ones_follow(frames, tmp_path):
     assert all(held <= 1.0 for _, held in kept)
     best, held = kept[-1]
     assert held == search.score(best.candidate, frames.held)
+    loss, usual = (
+        np.array([each.loss for each in search.judgements(settings, frames.tuned_on)])
+        for settings in (best.candidate, START)
+    )
+    assert best.score == pytest.approx(np.mean(loss / usual))
+    # Rounds begin with different frames: none decides alone who goes on.
+    seen = [search.judged_on(candidate) for candidate in search.tried.values()]
+    assert {each[0].id for each in seen if len(each) == 1} == {"000000", "000002"}
 
 
 def test_seed_decides_and_workers_do_not(frames, tmp_path):
