@@ -52,6 +52,10 @@ def test_perturbed_places_are_recovered(turn_deg: float, shift_m: float, seed: i
         # What it says of itself: neither too little nor ten times too much.
         assert off_m < 3 * np.linalg.norm(place.translation_sigma_m)
         assert place.translation_sigma_m.max() < 0.15
+        assert np.degrees(np.linalg.norm(place.rotation_sigma_rad)) < 0.5
+        # The road holds height, pitch and roll; along the street clouds slide.
+        assert np.argsort(place.translation_sigma_m).tolist() == [2, 1, 0]
+        assert np.argmax(place.rotation_sigma_rad) == 2
         assert place.moved_m == pytest.approx(shift_m, abs=0.02)
         assert place.turned_deg == pytest.approx(turn_deg, abs=0.15)
         assert place.matches > 1000
