@@ -55,8 +55,8 @@ class Calibrate:
         pseudolidar convert drive out --rig rig.json
 
     Args:
-        source: pairs of pictures in folders, two videos, or one with both eyes. Of videos, steady,
-            sharp and new views are taken.
+        source: pairs of pictures in folders, two videos, or one with both eyes. Of long videos
+            take some frames, --frames 0::10; those in which eyes disagree are left out.
         board: kind and counts: `chessboard:9x6` (inner corners), `charuco:8x6` (squares),
             `circles:7x6`, `acircles:4x11` (asymmetric), `aprilgrid:6x6` (tags).
         square: side of a square, m; distance of neighbouring circles, of asymmetric ones that of

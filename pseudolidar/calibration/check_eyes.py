@@ -16,6 +16,7 @@ LEAST_INLIERS = 20
 # Share of the matches that one reading must put behind infinity, and the other may. Swapped pairs
 # of KITTI, Middlebury and rendered worlds have 0.74 and more, right ones 0.005 and less.
 IMPOSSIBLE, POSSIBLE = 0.25, 0.05
+# Fewer matches than one clump are chance, such as squares of a board taken for one another.
 # Odds of one clump of matches, of so many, for either reading.
 CLUMP, CLUMP_ODDS = 10.0, 20.0
 # The same picture stored twice, in another format: nine of ten matches do not move, and its pixels
@@ -55,7 +56,7 @@ def eyes_found(disparity_px: Float64, doffs_px: float) -> Finding:
             "Pass --swap.",
             figures,
         )
-    if share > POSSIBLE:
+    if share > POSSIBLE and behind >= CLUMP:
         return Finding(
             EYES,
             "warn",

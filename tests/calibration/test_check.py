@@ -11,6 +11,7 @@ import pytest
 from pseudolidar.calibration.check import check_pair, combined, stopping
 from pseudolidar.calibration.check_epipolar import fit_rows
 from pseudolidar.calibration.check_exposure import gain_offset
+from pseudolidar.calibration.check_eyes import eyes_found
 from pseudolidar.calibration.check_finding import SUREST, Finding, percent, sure_beyond
 from pseudolidar.calibration.check_matches import match_points
 from pseudolidar.calibration.check_rig import baseline_found, focal_found
@@ -343,3 +344,11 @@ def test_how_sure_it_is():
     assert sure_beyond(2.0, 1.0, 0.1) == SUREST
     line = Finding("rows", "stop", "off", 0.987, "Mend it.").line
     assert line == "rows: off (98.7 % sure). Mend it."
+
+
+@pytest.mark.parametrize(("behind", "of", "severity"), [(3, 45, "good"), (12, 180, "warn")])
+def test_it_takes_more_than_a_clump_to_doubt_the_rig(behind: int, of: int, severity: str) -> None:
+    """Squares of a board are taken for one another, which says nothing of principal points."""
+    disparity_px = np.full(of, 20.0)
+    disparity_px[:behind] = -15.0
+    assert eyes_found(disparity_px, 0.0).severity == severity
