@@ -285,6 +285,7 @@ def record(
             LiveTable(meter, words if pressed else "", says) as table,
         ):
             cameras.begin()
+            meter.begin()
             if job.seconds is not None:
                 cameras.end_after(job.seconds)
             outcomes = live_stream(source, per_frame, crew=job.crew, in_flight=run.in_flight)

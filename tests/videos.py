@@ -75,6 +75,24 @@ def decoded(path: Path) -> list[av.VideoFrame]:
         return list(container.decode(stream))
 
 
+def turned(path: Path, quarters: int) -> Path:
+    """Write a rotation into the track header of an MP4. Source: ISO/IEC 14496-12, 8.3.2."""
+    one = 1 << 16
+    matrix = {
+        0: (one, 0, 0, one),
+        1: (0, one, -one, 0),
+        2: (-one, 0, 0, -one),
+        3: (0, -one, one, 0),
+    }
+    a, b, c, d = matrix[quarters]
+    numbers = (a, b, 0, c, d, 0, 0, 0, 1 << 30)
+    data = bytearray(path.read_bytes())
+    place = data.index(b"tkhd") + 4 + 4 + 20 + 8 + 8
+    data[place : place + 36] = b"".join(n.to_bytes(4, "big", signed=True) for n in numbers)
+    path.write_bytes(data)
+    return path
+
+
 def without_packets(source: Path, target: Path, left_out: Sequence[int]) -> Path:
     """A copy of a video that lacks some packets, in order of decoding."""
     with av.open(str(source)) as old, av.open(str(target), "w") as new:

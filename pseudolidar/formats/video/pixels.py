@@ -52,7 +52,9 @@ def colour_note(context: Any) -> str:
     return f"colours: {matrix}{assumed}, {'full' if full else 'limited'} range{depth}"
 
 
-def to_pixels(frame: VideoFrame, *, rotated: bool) -> DecodedImage:
+def to_pixels(
+    frame: VideoFrame, *, rotated: bool, smaller_px: tuple[int, int] | None = None
+) -> DecodedImage:
     """Pixels of a frame: RGB, or grey where the video is grey.
 
     8 bits a channel stay 8 bits; RGB too keeps its values. Deeper colour becomes 16-bit RGB with
@@ -61,26 +63,33 @@ def to_pixels(frame: VideoFrame, *, rotated: bool) -> DecodedImage:
     Args:
         frame: as decoded.
         rotated: turned as the file says that it is to be shown, by quarters.
+        smaller_px: (width, height) of the result, as turned, where it is to be smaller: each pixel
+            is the mean of the area that it covers. That is done before colours are converted, which
+            is less work then.
     """
     kind = frame.format
     deep = max(part.bits for part in kind.components) > 8
-    pixels = _grey(frame) if _is_grey(kind) else _rgb(frame, deep=deep)
+    quarters = round(frame.rotation / 90) % 4 if rotated else 0
+    if smaller_px is not None and quarters % 2:
+        smaller_px = smaller_px[::-1]
+    pixels = _grey(frame, smaller_px) if _is_grey(kind) else _rgb(frame, smaller_px, deep=deep)
     notes = []
     if any(part.is_alpha for part in kind.components) and kind.name not in ("bgr0", "rgb0"):
         notes.append("alpha channel dropped")
     if frame.interlaced_frame:
         notes.append("interlaced: the two fields are of different moments")
-    quarters = round(frame.rotation / 90) % 4 if rotated else 0
     if quarters:
         pixels = np.rot90(pixels, quarters)
         notes.append(f"rotated by {90 * quarters} degrees anticlockwise, as the video says")
     return DecodedImage(cast("Image", np.ascontiguousarray(pixels)), tuple(notes))
 
 
-def _grey(frame: VideoFrame) -> Image:
-    if frame.color_range == LIMITED:
+def _grey(frame: VideoFrame, smaller_px: tuple[int, int] | None) -> Image:
+    if frame.color_range == LIMITED or smaller_px is not None:
         deep = frame.format.components[0].bits > 8
-        frame = _reformatted(frame, "gray16le" if deep else "gray", BT601[0], LIMITED)
+        name, limited = "gray16le" if deep else "gray", frame.color_range == LIMITED
+        source_range = LIMITED if limited else FULL
+        frame = _reformatted(frame, name, BT601[0], source_range, smaller_px)
     plane = frame.planes[0]
     dtype = np.dtype(np.uint8 if frame.format.components[0].bits <= 8 else np.uint16)
     if frame.format.is_big_endian and dtype.itemsize > 1:
@@ -89,11 +98,12 @@ def _grey(frame: VideoFrame) -> Image:
     return cast("Image", rows[:, : plane.width].astype(dtype.newbyteorder("=")))
 
 
-def _rgb(frame: VideoFrame, *, deep: bool) -> Image:
+def _rgb(frame: VideoFrame, smaller_px: tuple[int, int] | None, *, deep: bool) -> Image:
     full = _is_full(frame.format, frame.color_range)
     matrix = matrix_of(frame.colorspace, frame.height)[0]
     name = "rgb48le" if deep else "rgb24"
-    rgb = _reformatted(frame, name, matrix, FULL if full or frame.format.is_rgb else LIMITED)
+    source_range = FULL if full or frame.format.is_rgb else LIMITED
+    rgb = _reformatted(frame, name, matrix, source_range, smaller_px)
     plane = rgb.planes[0]
     dtype = np.dtype("<u2" if deep else np.uint8)
     rows = np.frombuffer(plane, dtype).reshape(rgb.height, -1)
@@ -101,18 +111,30 @@ def _rgb(frame: VideoFrame, *, deep: bool) -> Image:
     return cast("Image", pixels.astype(dtype.newbyteorder("="), copy=True))
 
 
-def _reformatted(frame: VideoFrame, name: str, matrix: int, source_range: int) -> VideoFrame:
+def _reformatted(
+    frame: VideoFrame,
+    name: str,
+    matrix: int,
+    source_range: int,
+    smaller_px: tuple[int, int] | None,
+) -> VideoFrame:
     """Converted by the thread's own converter: making one takes as long as using it."""
     from av.video.reformatter import Interpolation, VideoReformatter
 
     converter = getattr(_LOCAL, "converter", None)
     if converter is None:
         converter = _LOCAL.converter = VideoReformatter()
-    careful = Interpolation.BILINEAR | Interpolation.ACCURATE_RND | Interpolation.FULL_CHR_H_INT
+    width, height = smaller_px or (frame.width, frame.height)
+    filtered = Interpolation.BILINEAR if smaller_px is None else Interpolation.AREA
+    careful = filtered | Interpolation.ACCURATE_RND | Interpolation.FULL_CHR_H_INT
+    if smaller_px is not None and frame.format.is_rgb:
+        careful |= Interpolation.FULL_CHR_H_INP  # else its colours are halved on the way
     return cast(
         "VideoFrame",
         converter.reformat(
             frame,
+            width=width,
+            height=height,
             format=name,
             src_colorspace=matrix,
             src_color_range=source_range,

@@ -72,6 +72,10 @@ class Meter:
     _first_s: float | None = None
     _last_s: float | None = None
 
+    def begin(self) -> None:
+        """Pairs can be taken from now on."""
+        self._begun_s = time.monotonic()
+
     def done(self, taken_ns: int) -> float:
         """A frame is finished whose pictures were taken at this monotonic time; its latency, s."""
         now_ns = time.monotonic_ns()

@@ -21,7 +21,7 @@ from pseudolidar.sources.capture.eyes import (
 from pseudolidar.sources.capture.live_pairs import LivePairs, Wanted
 from pseudolidar.sources.rectified import Rectify, with_pairs_rectified
 from pseudolidar.sources.source import SourceSummary
-from pseudolidar.sources.video.packing import AXES, Layout
+from pseudolidar.sources.video.packing import Layout, halved_px
 from pseudolidar.structures.frame import RawPair, StereoFrame
 
 KIND = "cameras"
@@ -96,7 +96,7 @@ def opened_bare(job: LiveSettings, cameras: Capture, wanted: Wanted) -> LivePair
     Raises:
         CameraFault: one of them gives no picture.
     """
-    sizes = {f"{shot.picture.width}x{shot.picture.height}" for shot in cameras.seen().shots}
+    sizes = {"{}x{}".format(*shot.size_px) for shot in cameras.seen().shots}
     line = f"cameras: {_names(cameras)}, {' and '.join(sorted(sizes))}"
     return LivePairs(
         cameras,
@@ -119,12 +119,11 @@ def opened_pairs(job: LiveSettings, cameras: Capture) -> LivePairs[Any]:
     """
     reading = read_rig(job)
     first = cameras.seen()
-    picture = first.shots[0].picture
-    picture_px = picture.width, picture.height
+    picture_px = first.shots[0].size_px
     layout = _layout(job)
     if layout is None and len(first.shots) == 1:
         layout = layout_by_size(picture_px, reading.of_pictures.left.size_px)
-    eye_px = _eye_px(picture_px, layout)
+    eye_px = picture_px if layout is None else halved_px(picture_px, layout)
     eyes = Eyes(layout, job.swap, job.scale)
     size_px = eyes.size_of(eye_px)
     packed = "" if layout is None else f", {layout}"
@@ -159,13 +158,6 @@ def read_rig(job: LiveSettings) -> RigReading:
 
 def _layout(job: LiveSettings) -> Layout | None:
     return cast("Layout | None", job.right if job.right in get_args(Layout) else None)
-
-
-def _eye_px(picture_px: tuple[int, int], layout: Layout | None) -> tuple[int, int]:
-    if layout is None:
-        return picture_px
-    width, height = picture_px
-    return (width // 2, height) if AXES[layout] else (width, height // 2)
 
 
 def _names(cameras: Capture) -> str:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import cast
 
 from pseudolidar.errors import CalibrationSizeMismatch, UsageError
 from pseudolidar.sources.aligned_rows import aligned
 from pseudolidar.sources.bare_pairs import BarePair
 from pseudolidar.sources.capture.live_pairs import Taken
-from pseudolidar.sources.capture.shots import ShotPair
+from pseudolidar.sources.capture.shots import Shot, ShotPair
 from pseudolidar.sources.rectified import Rectify, rectified
-from pseudolidar.sources.video.packing import Layout, split_eyes
-from pseudolidar.structures.arrays import Image, size_of
+from pseudolidar.sources.video.packing import AXES, Layout, halved_px, split_eyes
+from pseudolidar.structures.arrays import Image
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import RawPair, StereoFrame
 
@@ -35,27 +34,29 @@ class Eyes:
         """Left and right (H, W, 3) RGB or (H, W) grey, and what was odd about them."""
         from pseudolidar.formats.video.pixels import to_pixels
 
-        pictures = [to_pixels(shot.picture, rotated=True) for shot in shots.shots]
+        pictures = [
+            to_pixels(shot.picture, rotated=True, smaller_px=self._smaller_px(shot))
+            for shot in shots.shots
+        ]
         notes = tuple(dict.fromkeys(note for one in pictures for note in one.notes))
         if self.layout is None:
             left, right = (picture.pixels for picture in pictures)
         else:
             left, right = split_eyes(pictures[0].pixels, self.layout)
-        if self.swap:
-            left, right = right, left
-        return self._scaled(left), self._scaled(right), notes
+        return (right, left, notes) if self.swap else (left, right, notes)
 
     def size_of(self, full_px: tuple[int, int]) -> tuple[int, int]:
         """(width, height) of the pair where an eye has `full_px`."""
         return max(1, round(full_px[0] * self.scale)), max(1, round(full_px[1] * self.scale))
 
-    def _scaled(self, pixels: Image) -> Image:
+    def _smaller_px(self, shot: Shot) -> tuple[int, int] | None:
+        """(width, height) of a whole picture whose eyes have the size wanted; None as it is."""
         if self.scale == 1:
-            return pixels
-        import cv2
-
-        size_px = self.size_of(size_of(pixels))
-        return cast("Image", cv2.resize(pixels, size_px, interpolation=cv2.INTER_AREA))
+            return None
+        if self.layout is None:
+            return self.size_of(shot.size_px)
+        width, height = self.size_of(halved_px(shot.size_px, self.layout))
+        return (2 * width, height) if AXES[self.layout] else (width, 2 * height)
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,13 @@ class Shot:
     picture: VideoFrame
     stamp: Stamp
 
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """(width, height) as it is to be shown: a video may say that it is turned by quarters."""
+        upright = round(self.picture.rotation / 90) % 2 == 0
+        size_px = self.picture.width, self.picture.height
+        return size_px if upright else size_px[::-1]
+
     def dated(self, taken_ns: int) -> Shot:
         """The same, taken at another monotonic time."""
         return replace(self, stamp=self.stamp._replace(taken_ns=taken_ns))

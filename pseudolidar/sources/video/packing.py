@@ -9,7 +9,7 @@ import numpy as np
 
 from pseudolidar.errors import PairMismatch, SourceUnknown
 from pseudolidar.sources.rig_size import fitting_rig
-from pseudolidar.structures.arrays import Image
+from pseudolidar.structures.arrays import Image, size_of
 from pseudolidar.structures.camera import StereoRig
 
 if TYPE_CHECKING:
@@ -58,14 +58,24 @@ def split_eyes(pixels: Image, layout: Layout) -> tuple[Image, Image]:
     Raises:
         PairMismatch: an odd number of columns or rows cannot be halved.
     """
-    axis = AXES[layout]
-    if pixels.shape[axis] % 2:
-        raise PairMismatch(
-            f"a picture of {pixels.shape[1]}x{pixels.shape[0]} cannot be halved {layout}",
-            want="an even size",
-        )
-    first, second = (np.ascontiguousarray(half) for half in np.split(pixels, 2, axis=axis))
+    halved_px(size_of(pixels), layout)
+    halves = np.split(pixels, 2, axis=AXES[layout])
+    first, second = (np.ascontiguousarray(half) for half in halves)
     return first, second
+
+
+def halved_px(size_px: tuple[int, int], layout: Layout) -> tuple[int, int]:
+    """(width, height) of an eye in a picture of (width, height) that holds both.
+
+    Raises:
+        PairMismatch: an odd number of columns or rows cannot be halved.
+    """
+    width, height = size_px
+    if size_px[1 - AXES[layout]] % 2:
+        raise PairMismatch(
+            f"a picture of {width}x{height} cannot be halved {layout}", want="an even size"
+        )
+    return (width // 2, height) if AXES[layout] else (width, height // 2)
 
 
 def find_packing(

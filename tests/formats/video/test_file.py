@@ -17,7 +17,7 @@ from pseudolidar.formats.limits import Limits
 from pseudolidar.formats.video.file import VideoFile
 from pseudolidar.formats.video.kind import video_kind
 from pseudolidar.formats.video.pixels import to_pixels
-from tests.videos import H264, LOSSLESS, decoded, pictures, without_packets, write_video
+from tests.videos import H264, LOSSLESS, decoded, pictures, turned, without_packets, write_video
 
 FRAMES = 40
 OPEN_GOP = {"x264-params": "open-gop=1:bframes=3:keyint=12:b-pyramid=normal"}
@@ -305,24 +305,6 @@ def test_pictures_are_turned_as_players_turn_them(tmp_path: Path, quarters: int)
     assert bool(got.notes) == bool(quarters)
     stored = VideoFile.open(path, rotated=False).picture(0).pixels
     assert stored.shape == (48, 64, 3)
-
-
-def turned(path: Path, quarters: int) -> Path:
-    """Write a rotation into the track header of an MP4. Source: ISO/IEC 14496-12, 8.3.2."""
-    one = 1 << 16
-    matrix = {
-        0: (one, 0, 0, one),
-        1: (0, one, -one, 0),
-        2: (-one, 0, 0, -one),
-        3: (0, -one, one, 0),
-    }
-    a, b, c, d = matrix[quarters]
-    numbers = (a, b, 0, c, d, 0, 0, 0, 1 << 30)
-    data = bytearray(path.read_bytes())
-    place = data.index(b"tkhd") + 4 + 4 + 20 + 8 + 8
-    data[place : place + 36] = b"".join(n.to_bytes(4, "big", signed=True) for n in numbers)
-    path.write_bytes(data)
-    return path
 
 
 def test_pixels_that_are_not_square_are_told(tmp_path: Path) -> None:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import av
 import numpy as np
 import pytest
 
-from pseudolidar.errors import CalibrationSizeMismatch, UsageError
+from pseudolidar.errors import CalibrationSizeMismatch, PairMismatch, UsageError
 from pseudolidar.sources.capture.eyes import Eyes, fitting, layout_by_size
 from pseudolidar.sources.capture.live_pairs import EveryInterval, OnRequest
 from pseudolidar.sources.capture.shots import Shot, ShotPair
 from pseudolidar.sources.capture.stamps import Stamp
 from tests.body_rigs import rig
+from tests.videos import H264, decoded, pictures, turned, write_video
 
 
 def shots(*greys: np.ndarray, time_ns: int = 0) -> ShotPair:
@@ -54,6 +57,32 @@ def test_pictures_are_made_smaller_in_both_directions() -> None:
     assert eyes.size_of((64, 48)) == (32, 24)
     left, right, _ = eyes.pair(shots(grey(10), grey(200)))
     assert left.shape == right.shape == (24, 32)
+
+
+@pytest.mark.parametrize("layout", ["side-by-side", "top-bottom"])
+def test_eyes_do_not_mix_where_they_meet(layout: str) -> None:
+    """Eyes of 65x47 at half the size: neither of them ends with a whole pixel."""
+    one, other = grey(10, 65, 47), grey(200, 65, 47)
+    both = np.concatenate([one, other], axis=1 if layout == "side-by-side" else 0)
+    left, right, _ = Eyes(layout, scale=0.5).pair(shots(both))
+    assert left.shape == right.shape == (24, 32)
+    assert (set(np.unique(left)), set(np.unique(right))) == ({10}, {200})
+
+
+def test_a_picture_that_cannot_be_halved_is_refused_at_any_size() -> None:
+    for scale in (1.0, 0.5):
+        with pytest.raises(PairMismatch, match="65x48 cannot be halved"):
+            Eyes("side-by-side", scale=scale).pair(shots(grey(10, 65, 48)))
+
+
+def test_a_video_that_was_held_upright_has_upright_pairs(tmp_path: Path) -> None:
+    path = turned(write_video(tmp_path / "a.mp4", pictures(1), **H264), 1)
+    shot = Shot(decoded(path)[0], Stamp(0, 0))
+    assert shot.size_px == (48, 64)
+    for scale, shape in ((1.0, (64, 48, 3)), (0.5, (32, 24, 3))):
+        left, _, notes = Eyes(scale=scale).pair(ShotPair((shot, shot)))
+        assert left.shape == shape
+        assert "rotated" in notes[0]
 
 
 def test_a_rig_for_another_size_is_scaled_where_that_is_asked_for() -> None:
