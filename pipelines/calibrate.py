@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated
 
 from pseudolidar.calibration.boards.board import Board, BoardName, Dictionary
-from pseudolidar.calibration.boards.seen import BoardSeen, FindInPair
 from pseudolidar.calibration.solving.calibrated import ModelChoice, calibrate
 from pseudolidar.calibration.solving.left_out import LeftOut
 from pseudolidar.calibration.solving.observations import LEAST_CORNERS, Observations
 from pseudolidar.calibration.solving.solve import LEAST_VIEWS, Solution, Views
 from pseudolidar.errors import BoardNotFound
 from pseudolidar.formats.atomic import write_atomic
-from pseudolidar.running.crew.attempt import Skipped
+from pseudolidar.running.board_search import Looked, boards_in
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.new_file import check_kind, check_new_file, is_text
@@ -27,14 +26,10 @@ from pseudolidar.running.reports.calibration_page import (
 )
 from pseudolidar.running.reports.calibration_report import CalibrateReport
 from pseudolidar.running.rig_output import check_rig_place, store_rig
-from pseudolidar.running.stream import stream
 from pseudolidar.sources.bare_films import Films, recognise_bare
-from pseudolidar.sources.bare_pairs import BarePair, BarePairs, Pictures
+from pseudolidar.sources.bare_pairs import BarePairs, Pictures
 from pseudolidar.sources.selection import FrameSelection
 from pseudolidar.sources.source import evenly_placed
-
-# Pairs that are looked at thoroughly before a set without a board is given up.
-PAIRS_TRIED = 2
 
 
 @dataclass(frozen=True)
@@ -55,8 +50,8 @@ class Calibrate:
         pseudolidar convert drive out --rig rig.json
 
     Args:
-        source: pairs of pictures in folders, two videos, or one with both eyes. Of long videos
-            take some frames, --frames 0::10; those in which eyes disagree are left out.
+        source: pairs of pictures in folders, two videos, or one with both eyes. Of films the views
+            are taken in which the board is held still, sharp, and where it was not before.
         board: kind and counts: `chessboard:9x6` (inner corners), `charuco:8x6` (squares),
             `circles:7x6`, `acircles:4x11` (asymmetric), `aprilgrid:6x6` (tags).
         square: side of a square, m; distance of neighbouring circles, of asymmetric ones that of
@@ -103,14 +98,12 @@ def run(job: Calibrate) -> CalibrateReport:
         check_kind(job.report, is_text, "page", flag="--report")
     pairs = job.source.open().chosen(job.frames, job.exclude)
     crew = CrewPlan(job.workers)
-    found, skipped = boards_in(pairs, board, crew)
-    views, unseen = views_of(found, board, pairs)
+    looked = boards_in(pairs, board, crew)
+    views, unseen = views_of(looked, board, pairs)
     with FrameProgress(3 if job.model == "auto" else 1, what="models") as progress:
         calibration = calibrate(views, job.model, tried=progress.advance)
     previous = store_rig(job.out, calibration.rig)
-    report = CalibrateReport(
-        pairs, calibration, unseen, tuple(skipped), job.out, previous, job.report
-    )
+    report = CalibrateReport(pairs, calibration, unseen, looked, job.out, previous, job.report)
     if job.report is not None:
         shown = shown_pairs(pairs, calibration.solution)
         page = calibration_page(calibration, pairs.summary.line, report.left_out, shown)
@@ -129,64 +122,13 @@ def shown_pairs(pairs: BarePairs, solution: Solution) -> list[ShownPair]:
     return shown
 
 
-def boards_in(
-    pairs: BarePairs, board: Board, crew: CrewPlan
-) -> tuple[list[BoardSeen], list[Skipped]]:
-    """What is seen of the board in every pair, and the pairs that cannot be read.
-
-    First the quick way; then pictures without a board are looked at thoroughly, unless a few of
-    them show that it is another board that is asked for.
-    """
-    found, skipped = looked_at(pairs, FindInPair(board, thorough=False), crew, what="pairs")
-    missing = [seen for seen in found if seen.left is None or seen.right is None]
-    if missing and len(missing) == len(found):
-        few = [missing[place] for place in evenly_placed(len(missing), most=PAIRS_TRIED)]
-        tried, _ = looked_at(_named(pairs, few), FindInPair(board), crew, what="looking closer")
-        if not any(seen.left or seen.right for seen in tried):
-            return found, skipped
-    closer, _ = looked_at(_named(pairs, missing), FindInPair(board), crew, what="looking closer")
-    better = {seen.id: seen for seen in closer}
-    return [better.get(seen.id, seen) for seen in found], skipped
-
-
-def looked_at(
-    pairs: BarePairs, find: FindInPair, crew: CrewPlan, *, what: str
-) -> tuple[list[BoardSeen], list[Skipped]]:
-    """What is seen in pairs, and those that cannot be read."""
-
-    def look(pair: BarePair) -> BoardSeen:
-        return find(pair.left, pair.right, pair.id)
-
-    found: list[BoardSeen] = []
-    skipped: list[Skipped] = []
-    if not pairs.ids:
-        return found, skipped
-    with FrameProgress(len(pairs.ids), what=what) as progress:
-        # The engine asks of a frame only that it can be loaded; these have no calibration yet.
-        for outcome in stream(cast("Any", pairs), cast("Any", look), crew=crew):
-            if isinstance(outcome, Skipped):
-                skipped.append(outcome)
-                progress.skip()
-            else:
-                found.append(outcome.value)
-                progress.advance()
-    return found, skipped
-
-
-def _named(pairs: BarePairs, seen: list[BoardSeen]) -> BarePairs:
-    """The pairs that these are."""
-    place = {name: index for index, name in enumerate(pairs.ids)}
-    return replace(pairs.at([place[each.id] for each in seen]), refused=())
-
-
-def views_of(
-    found: list[BoardSeen], board: Board, pairs: BarePairs
-) -> tuple[Views, tuple[LeftOut, ...]]:
+def views_of(looked: Looked, board: Board, pairs: BarePairs) -> tuple[Views, tuple[LeftOut, ...]]:
     """The pairs in which an eye sees the board, and why others are left out.
 
     Raises:
         BoardNotFound: both eyes see it in too few.
     """
+    found = looked.found
     left_out: list[LeftOut] = []
     sizes = Counter(seen.sizes_px for seen in found)
     usual = sizes.most_common(1)[0][0] if sizes else ((0, 0), (0, 0))
@@ -210,7 +152,8 @@ def views_of(
     both = [seen for seen in used if seen.left is not None and seen.right is not None]
     if len(both) < LEAST_VIEWS:
         raise BoardNotFound(
-            f"both eyes see the {board.name} in {len(both)} of {len(found)} pairs",
+            f"both eyes see the {board.name} in {len(both)} of {len(found)} pairs"
+            + "".join(f"; {note}" for note in looked.notes),
             want=f"{LEAST_VIEWS} pairs or more, better 20",
             fix="Check --board: chessboards count inner corners, ChArUco boards squares. Take "
             "pictures in which both eyes see all of the board, sharp and lit evenly.",

@@ -13,23 +13,30 @@ import pytest
 
 from pseudolidar.cli import main
 from pseudolidar.formats.rigs.rig_json import read_rig
+from pseudolidar.running.board_search import MOST_FRAMES, boards_in
+from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.sources.bare_films import Films
+from pseudolidar.sources.bare_pairs import BarePairs, Pictures
+from pseudolidar.sources.source import SourceSummary
 from tests.boards import board, picture, pinhole_rig, poses
+from tests.videos import LOSSLESS, write_video
 
 PAIRS = 8
 RIG = pinhole_rig()
+BOARD = board("chessboard:9x6")
+HELD = 3  # frames that the board is held still for
 
 
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Eight pairs of a chessboard; not to be changed."""
     folder = tmp_path_factory.mktemp("boards")
-    made = board("chessboard:9x6")
-    for n, T in enumerate(poses(made, PAIRS, seed=2, near=1.7, spread=0.4)):
+    for n, T in enumerate(poses(BOARD, PAIRS, seed=2, near=1.7, spread=0.4)):
         for eye, camera, T_eye in (
             ("left", RIG.left, np.eye(4)),
             ("right", RIG.right, RIG.T_right_left.matrix),
         ):
-            seen = picture(camera, made, T_eye @ T, seed=n, samples=1)
+            seen = picture(camera, BOARD, T_eye @ T, seed=n, samples=1)
             cv2.imwrite(str(folder / f"{eye}{n:02d}.png"), seen)
     return folder
 
@@ -161,3 +168,72 @@ def test_what_cannot_be_meant_is_refused(pictures, tmp_path, capsys, more, code,
 def test_a_folder_without_pairs_is_refused(tmp_path, capsys):
     assert main(command(tmp_path, tmp_path / "rig.json")) == 3
     assert "no pair of pictures" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def film(pictures: Path) -> dict[str, list[np.ndarray]]:
+    """Each pair for three frames, with a blurred one between."""
+    frames: dict[str, list[np.ndarray]] = {"left": [], "right": []}
+    for eye, film in frames.items():
+        for n in range(PAIRS):
+            seen = cv2.imread(str(pictures / f"{eye}{n:02d}.png"))
+            film += [seen] * HELD + [cv2.blur(seen, (25, 1))]
+    return frames
+
+
+def test_a_film_with_both_eyes_side_by_side(film, tmp_path, capsys):
+    wide = [np.concatenate(pair, axis=1) for pair in zip(*film.values(), strict=True)]
+    write_video(tmp_path / "both.mkv", wide, **LOSSLESS)
+    args = command(tmp_path / "both.mkv", tmp_path / "rig.json", "--json")
+    assert main(args) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert "side-by-side video both.mkv" in told["source"]
+    assert told["notes"][0].startswith(f"a film: {PAIRS} views taken of {len(wide)} frames")
+    assert (told["views_used"], told["views_dropped"]) == (PAIRS, 0)
+    # The second frame of each pose: the first one moved since the frame before.
+    assert [int(view["id"]) % (HELD + 1) for view in told["views"]] == [1] * PAIRS
+    assert read_rig(tmp_path / "rig.json").left.size_px == (640, 480)
+
+
+def test_two_films_whose_frames_are_paired_by_time(film, tmp_path):
+    poses_of_it = 3
+    for eye, frames in film.items():
+        write_video(tmp_path / f"{eye}.mkv", frames[: poses_of_it * (HELD + 1)], **LOSSLESS)
+    pairs = Films(str(tmp_path)).open()
+    assert "two videos, left.mkv and right.mkv: 12 pairs" in pairs.summary.line
+    looked = boards_in(pairs, BOARD, CrewPlan())
+    assert [pairs.ids.index(seen.id) for seen in looked.found] == [1, 5, 9]
+
+
+def test_a_film_in_which_nothing_is_held_still_is_refused(film, tmp_path, capsys):
+    wide = [np.concatenate([film["left"][n], film["right"][n]], axis=1) for n in (0, 0, 4, 4)]
+    write_video(tmp_path / "both.mkv", [*wide, wide[0]], **LOSSLESS)
+    assert main(command(tmp_path / "both.mkv", tmp_path / "rig.json")) == 3
+    said = capsys.readouterr().err
+    assert "2 of 2 pairs; a film: 2 views taken of 5 frames" in said
+    assert not (tmp_path / "rig.json").exists()
+
+
+def test_a_video_of_single_pictures_is_no_film(pictures):
+    shown = Pictures(str(pictures)).open()
+    video = BarePairs(shown.summary, shown.ids, (), shown.read, film=True)
+    looked = boards_in(video, BOARD, CrewPlan())
+    assert [seen.id for seen in looked.found] == list(shown.ids)
+    assert not looked.notes
+
+
+def test_of_a_long_film_neighbours_are_looked_at():
+    read: list[int] = []
+
+    def blank(number: int) -> tuple[np.ndarray, np.ndarray]:
+        read.append(number)
+        return np.zeros((24, 32), np.uint8), np.zeros((24, 32), np.uint8)
+
+    summary = SourceSummary(kind="films", path="film", line="a film", notes=())
+    pairs = BarePairs(summary, tuple(f"{n:06d}" for n in range(9001)), (), blank, film=True)
+    looked = boards_in(pairs, BOARD, CrewPlan(1))
+    seen = np.unique(read)
+    assert len(seen) == MOST_FRAMES
+    assert set(np.diff(seen[::2])) == {22, 23}
+    assert set(seen[1::2] - seen[::2]) == {1}
+    assert looked.notes == ("800 of 9001 pairs looked at",)

@@ -14,10 +14,11 @@ from pseudolidar.structures.arrays import Float64, UInt8
 # Corners of a steady board move less than this from one picture to the next, px for each 1000 px
 # of the picture's width: eyes that are exposed half a picture apart then differ by half of it.
 STEADY_PER_1000 = 1.0
-# Edges of a sharp board rise within this, px for each 1000 px of the picture's width, at least 3.
-SHARP_PER_1000, LEAST_SHARP_PX = 4.0, 3.0
+# Edges of a sharp board rise within this, px for each 1000 px of the picture's width, at least 4.
+# On three real sets they take 1.9 to 3.8 px, and moved by 5 px during the exposure 4.9 or more.
+SHARP_PER_1000, LEAST_SHARP_PX = 4.0, 4.0
 # A new view differs from all others by this, in shares of the picture (`ViewPlace`).
-NEW_DISTANCE = 0.15
+NEW_DISTANCE = 0.1
 # What changes perspective tells more of a lens than a shift does: a lean counts so many times.
 LEAN_WEIGHT = 4
 # Percentiles of gradients and of grey levels that are taken for the steepest, dark and bright.
@@ -106,23 +107,27 @@ def movement_px(before: Corners, now: Corners) -> float:
     return float(np.median(np.linalg.norm(before.uv[here] - now.uv[there], axis=1)))
 
 
-def is_steady(before: Corners, now: Corners, width_px: int) -> bool:
-    """Whether a board hardly moved from one picture to the next.
+def moved_per_1000(before: Corners, now: Corners, width_px: int) -> float:
+    """How far a board moved from one picture to the next, px for each 1000 px of their width.
 
     Args:
         before: corners in the picture before.
         now: in this one.
         width_px: of both.
     """
-    return movement_px(before, now) <= STEADY_PER_1000 * width_px / 1000
+    return movement_px(before, now) * 1000 / width_px
 
 
-def edge_width_px(grey: UInt8, corners: Corners) -> float:
-    """How many pixels the edges of a board take from dark to bright; 1 to 3 where it is sharp.
+def edge_width_px(grey: UInt8, corners: Corners, points_m: Float64) -> float:
+    """How many pixels the edges of a board take from dark to bright; 2 to 3 where it is sharp.
+
+    Of the edges along rows and along columns the blurrier ones count: what moves is blurred along
+    its way alone.
 
     Args:
         grey: (H, W) the picture.
         corners: of the board in it.
+        points_m: (N, 3) all corners of the board by id, in its own frame.
     """
     low = np.floor(corners.uv.min(axis=0)).astype(int).clip(0)
     high = np.ceil(corners.uv.max(axis=0)).astype(int) + 1
@@ -130,12 +135,24 @@ def edge_width_px(grey: UInt8, corners: Corners) -> float:
     if min(part.shape, default=0) < 3:
         return float("inf")
     down, across = np.gradient(part)
-    steepest = float(np.percentile(np.hypot(across, down), STEEPEST))
+    steepest = min(
+        float(np.percentile(np.abs(x * across + y * down), STEEPEST))
+        for x, y in _edge_normals(corners, points_m)
+    )
     contrast = float(np.percentile(part, BRIGHT) - np.percentile(part, DARK))
     return contrast / steepest if steepest > 0 else float("inf")
 
 
-def is_sharp(grey: UInt8, corners: Corners) -> bool:
+def _edge_normals(corners: Corners, points_m: Float64) -> Float64:
+    """(2, 2) directions in the picture across a board's columns, and across its rows."""
+    xy = points_m[corners.ids][:, :2]
+    along = np.linalg.lstsq(xy - xy.mean(axis=0), corners.uv - corners.uv.mean(axis=0))[0]
+    (row_x, row_y), (column_x, column_y) = along.tolist()
+    normals = np.array([[-column_y, column_x], [-row_y, row_x]])
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12))
+
+
+def is_sharp(grey: UInt8, corners: Corners, points_m: Float64) -> bool:
     """Whether the edges of a board are sharp enough to be found to a fraction of a pixel."""
     limit_px = max(LEAST_SHARP_PX, SHARP_PER_1000 * grey.shape[1] / 1000)
-    return bool(edge_width_px(grey, corners) <= limit_px)
+    return bool(edge_width_px(grey, corners, points_m) <= limit_px)

@@ -40,10 +40,9 @@ def _candidates(grey: UInt8, columns: int, rows: int, *, thorough: bool) -> Iter
     import cv2
 
     usual = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
-    quick = usual if thorough else usual | cv2.CALIB_CB_FAST_CHECK
     ratio = min(1.0, SEARCH_WIDTH_PX / grey.shape[1])
     searched = grey if ratio == 1 else _resized(grey, ratio)
-    found, uv = cv2.findChessboardCorners(searched, (columns, rows), flags=quick)
+    found, uv = cv2.findChessboardCorners(searched, (columns, rows), flags=usual)
     if found:
         yield _at_full_size(uv, ratio)
     if not thorough:

@@ -11,7 +11,7 @@ import numpy as np
 from pseudolidar.calibration.solving.calibrated import Calibration
 from pseudolidar.calibration.solving.left_out import LeftOut
 from pseudolidar.errors import ALL_DONE, SOME_SKIPPED, printable
-from pseudolidar.running.crew.attempt import Skipped
+from pseudolidar.running.board_search import Looked
 from pseudolidar.running.table import table_text
 from pseudolidar.sources.bare_pairs import BarePairs
 
@@ -24,7 +24,7 @@ class CalibrateReport:
         pairs: what was looked at.
         calibration: the result.
         unseen: pairs in which an eye does not see the board.
-        skipped: pairs that cannot be read.
+        looked: what was seen of the board, and pairs that cannot be read.
         out: the rig file.
         previous: where the rig file is that `out` replaced; None where there was none.
         page: where the page is, if there is one.
@@ -33,7 +33,7 @@ class CalibrateReport:
     pairs: BarePairs
     calibration: Calibration
     unseen: tuple[LeftOut, ...]
-    skipped: tuple[Skipped, ...]
+    looked: Looked
     out: Path
     previous: Path | None
     page: Path | None = None
@@ -41,12 +41,12 @@ class CalibrateReport:
     @property
     def exit_code(self) -> int:
         """4 if pictures could not be read, else 0."""
-        return SOME_SKIPPED if self.skipped else ALL_DONE
+        return SOME_SKIPPED if self.looked.skipped else ALL_DONE
 
     @property
     def left_out(self) -> tuple[LeftOut, ...]:
         """Every pair that does not tie the eyes together, with the reason."""
-        unread = tuple(LeftOut(frame.id, str(frame.error)) for frame in self.skipped)
+        unread = tuple(LeftOut(frame.id, str(frame.error)) for frame in self.looked.skipped)
         return (*self.calibration.solution.left_out, *self.unseen, *unread)
 
     def as_dict(self) -> dict[str, Any]:
@@ -85,6 +85,7 @@ class CalibrateReport:
                 }
                 for candidate in found.tried
             ],
+            "notes": list(self.looked.notes),
             "source": self.pairs.summary.line,
             "path": self.pairs.summary.path,
             "out": str(self.out),
@@ -115,7 +116,7 @@ class CalibrateReport:
         """For people."""
         found, solution = self.calibration, self.calibration.solution
         sure, verdict = found.sure, found.verdict
-        lines = [self.pairs.summary.line, *self.pairs.summary.notes]
+        lines = [self.pairs.summary.line, *self.pairs.summary.notes, *self.looked.notes]
         if solution.swapped:
             lines.append(
                 "SWAPPED: what is called left stands right. The rig is written with the eyes "
@@ -153,7 +154,7 @@ class CalibrateReport:
     def _figures(self) -> list[tuple[str, str]]:
         found, solution = self.calibration, self.calibration.solution
         sure, coverage = found.sure, found.verdict.coverage
-        used, given = len(solution.paired), len(self.pairs.ids)
+        used, given = len(solution.paired), len(self.looked.found) + len(self.looked.skipped)
         cameras = [
             (
                 f"{eye} camera",
