@@ -12,6 +12,8 @@ from pseudolidar.structures.arrays import Float64
 # A left 3x3 part whose rows, each of length one, span less than this volume is taken for singular:
 # it is a camera at infinity, or no camera at all.
 LEAST_VOLUME = 1e-12
+# Squares of larger numbers overflow.
+LARGEST_ELEMENT = 1e150
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +74,9 @@ def decompose(P: Float64) -> Decomposition:
 
 
 def _check(P: Float64) -> None:
-    lengths = np.linalg.norm(P[:, :3], axis=1)
-    usable = bool(np.isfinite(P).all() and (lengths > 0).all())
+    usable = bool((np.abs(P) < LARGEST_ELEMENT).all())
+    lengths = np.linalg.norm(P[:, :3], axis=1) if usable else np.zeros(3)
+    usable = usable and bool((lengths > 0).all())
     volume = abs(np.linalg.det(P[:, :3] / lengths[:, None])) if usable else 0.0
     if not volume > LEAST_VOLUME:
         rows = "; ".join(" ".join(f"{x:.6g}" for x in row) for row in P)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
@@ -35,13 +36,14 @@ from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import Frame
 
 _log = logging.getLogger(__name__)
-SIZE, DATE = "size", "date of calibration"
+SIZE, DATE, AS_READ = "size", "date of calibration", "as read"
 # Pairs that are looked at: the first, the middle, the last.
 LOOKED_AT = 3
 # Looking at a pair takes 0.2 s; one that is not there in this time will be missed in its turn.
 CHECK_TIMEOUT_S = 20.0
-# What a source says of a calibration that is of another day begins like this.
+# What a source warns of begins like this; of a calibration of another day, it goes on like that.
 WARNING = "warning: "
+OTHER_DAY = re.compile(r"the (?:rig|calibration) is of [0-9]")
 
 
 @dataclass(frozen=True)
@@ -185,7 +187,7 @@ def _unless_exchanged(
         SUREST,
         "Leave --swap out." if told else "Pass --swap.",
     )
-    kept = tuple(found for found in check.findings if found.name in (SIZE, DATE))
+    kept = tuple(found for found in check.findings if found.name in (SIZE, DATE, AS_READ))
     return replace(check, findings=(*kept, finding), rotation=None)
 
 
@@ -256,8 +258,11 @@ def _sizes(
 
 
 def _dates(source: FrameSequence[Frame]) -> tuple[Finding, ...]:
-    notes = [note for note in source.summary.notes if note.startswith(WARNING)]
-    return tuple(
-        Finding(DATE, "warn", note.removeprefix(WARNING), None, "Give the rig of that day.")
-        for note in notes
-    )
+    notes = (note for note in source.summary.notes if note.startswith(WARNING))
+    return tuple(_noted(note.removeprefix(WARNING)) for note in notes)
+
+
+def _noted(text: str) -> Finding:
+    if OTHER_DAY.match(text):
+        return Finding(DATE, "warn", text, None, "Give the rig of that day.")
+    return Finding(AS_READ, "warn", text, None, "Mend the file that it is about.")

@@ -33,6 +33,11 @@ RECTIFIED_ROWS_PX = 1e-3
 RECTIFIED_OFF_AXIS = 0.02
 
 
+# A side of a picture has at most so many pixels; a focal length is that many widths at most, and
+# one of them in as many at least; and no lens model has such a coefficient.
+LARGEST_SIDE_PX, LARGEST_FOCAL, LARGEST_COEFFICIENT = 1_000_000, 1e6, 1e9
+
+
 @dataclass(frozen=True, eq=False)
 class Camera:
     """One calibrated camera.
@@ -46,7 +51,7 @@ class Camera:
         frame: name of the optical frame (x right, y down, z forward).
 
     Raises:
-        CalibrationValue: focal length or principal point impossible.
+        CalibrationValue: size, focal length, principal point or distortion impossible.
     """
 
     K: Float64
@@ -59,10 +64,18 @@ class Camera:
     def __post_init__(self) -> None:
         check_array("Camera", "K", self.K, (3, 3), np.float64)
         check_array("Camera", "distortion", self.distortion, (None,), np.float64)
+        self._check_size()
         fx, fy = self.K[0, 0], self.K[1, 1]
         if not (np.isfinite(self.K).all() and fx > 0 and fy > 0):
             raise CalibrationValue(
                 f"focal lengths {fx:g}, {fy:g} px", want="positive", where=f"{self.frame}.K"
+            )
+        widths = np.array([fx, fy]) / self.width_px
+        if max(widths.max(), 1 / widths.min()) > LARGEST_FOCAL:
+            raise CalibrationValue(
+                f"focal lengths {fx:g}, {fy:g} px of pictures {self.width_px} px wide",
+                want="lengths in pixels",
+                where=f"{self.frame}.K",
             )
         cx, cy = self.K[0, 2], self.K[1, 2]
         if not (0 <= cx < self.width_px and 0 <= cy < self.height_px):
@@ -71,6 +84,21 @@ class Camera:
                 want=f"inside the image of {self.width_px}x{self.height_px}",
                 fix="Check that calibration and images have the same size.",
                 where=f"{self.frame}.K",
+            )
+
+        if not (np.abs(self.distortion) <= LARGEST_COEFFICIENT).all():
+            raise CalibrationValue(
+                f"distortion {self.distortion.tolist()}",
+                want="numbers of a lens",
+                where=f"{self.frame}.distortion",
+            )
+
+    def _check_size(self) -> None:
+        if not 1 <= min(self.size_px) <= max(self.size_px) <= LARGEST_SIDE_PX:
+            raise CalibrationValue(
+                f"pictures of {self.width_px:g}x{self.height_px:g} px",
+                want=f"sides of 1 to {LARGEST_SIDE_PX} px",
+                where=f"{self.frame}.size_px",
             )
 
     @property

@@ -16,7 +16,7 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.rigs.opencv_rig import SUFFIXES
-from pseudolidar.formats.rigs.placed import Node
+from pseudolidar.formats.rigs.placed import Node, at_place
 from pseudolidar.formats.rigs.storage import is_matrix, matrix_of, read_storage
 from pseudolidar.formats.text import read_lines
 from pseudolidar.structures.arrays import Float64
@@ -154,6 +154,4 @@ def _camera(K: Float64, size_px: tuple[int, int], path: Path, where: str) -> Cam
     try:
         return Camera(K, *size_px)
     except CalibrationValue as error:
-        raise CalibrationValue(
-            error.got, want=error.want, fix=error.fix, path=path, where=where
-        ) from None
+        raise at_place(error, path=path, where=where) from None

@@ -11,11 +11,11 @@ from pseudolidar.errors import (
     CalibrationSyntax,
     CalibrationUnits,
     CalibrationValue,
-    PseudolidarError,
     StructureError,
 )
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.rigs.placed import at_place
 from pseudolidar.formats.rigs.rig_parts import LARGEST_BASELINE_M, LEFT, RIGHT
 from pseudolidar.formats.rigs.rig_reading import PER_METRE, RigReading, RigUnit
 from pseudolidar.formats.text import read_lines
@@ -92,14 +92,11 @@ def read_k_txt(
         )
     t_m = np.array([-baseline / PER_METRE[unit or "m"], 0.0, 0.0])
     try:
-        rig = StereoRig(
-            Camera(K, *size_px, frame=LEFT),
-            Camera(K.copy(), *size_px, frame=RIGHT),
-            Pose.from_rotation(RIGHT, LEFT, np.eye(3), t_m),
-            origin=path.name,
-        )
-    except PseudolidarError as error:
-        raise error.located(path) from None
+        left, right = (Camera(K.copy(), *size_px, frame=frame) for frame in (LEFT, RIGHT))
+        pose = Pose.from_rotation(RIGHT, LEFT, np.eye(3), t_m)
+        rig = StereoRig(left, right, pose, origin=path.name)
+    except CalibrationValue as error:
+        raise at_place(error, path=path, where="K") from None
     note = f"{path.name}: both cameras have this K, so doffs is 0"
     return RigReading(path, "K.txt", rig, rig, (note,))
 

@@ -185,7 +185,9 @@ def _camera(node: Node, name: str, frame: str) -> Camera:
     try:
         return Camera(K, width, height, distortion, model, frame)
     except CalibrationValue as error:
-        raise at_node(error, intrinsics) from None
+        bent = error.where.endswith("distortion")
+        place = _required(node, name, "distortion_coeffs") if bent else intrinsics
+        raise at_node(error, place) from None
 
 
 def _required(node: Node, name: str, key: str) -> Node:

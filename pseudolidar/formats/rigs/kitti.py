@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,22 +12,19 @@ from pseudolidar.errors import (
     CalibrationField,
     CalibrationMissing,
     CalibrationSyntax,
-    CalibrationValue,
     StructureError,
 )
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.rigs.key_values import KeyValues, key_values_text, read_key_values
 from pseudolidar.formats.rigs.kitti_calibration import FRAME_CAM0, WHICH_LAYOUT, KittiCalibration
+from pseudolidar.formats.rigs.kitti_fields import rectifying_pose, rigid_file, rigid_row, size_px
 from pseudolidar.formats.rigs.rig_reading import unchanged
-from pseudolidar.formats.text import read_lines
+from pseudolidar.formats.text import TextLine, read_lines
 from pseudolidar.geometry.rectification import Rectification
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera, StereoRig
-from pseudolidar.structures.pose import ROTATION_TOLERANCE, Pose, rotation_error
 
-# KITTI writes 7 digits, so that a product of two of its rotations is off by some 1e-6.
-ROTATION_NOTED = 1e-5
 CAM_TO_CAM, VELO_TO_CAM, IMU_TO_VELO = (
     "calib_cam_to_cam.txt",
     "calib_velo_to_cam.txt",
@@ -45,7 +44,8 @@ RAW_COUNTS = {
     r"T_0[0-3]": 3,
     r"P_rect_0[0-3]": 12,
 }
-RIGID_COUNTS = {"R": 9, "T": 3, r"delta_[fc]": 2}
+# A row with a key of its own, with a colon or one of those that KITTI has without.
+_KEYED = re.compile(r"[ \t]*(?:[A-Za-z_]\w*[ \t]*:|(?:P[0-3]|R0?_rect|Tr\w*)(?:[ \t]|$))")
 
 
 # --- object, tracking, stereo 2012, odometry: one file, rows P0..P3 and transforms --------------
@@ -93,20 +93,23 @@ def _of_sequence(fields: KeyValues) -> KittiCalibration:
     key, notes = _present(fields, VELODYNE_KEYS), list[str]()
     velodyne = imu = None
     if key in fields:
-        velodyne = _rigid(fields, key, FRAME_CAM0, "velodyne", notes)
+        velodyne = rigid_row(fields, key, FRAME_CAM0, "velodyne", notes)
         rectification = _present(fields, RECTIFICATION_KEYS)
         if rectification in fields:
-            velodyne = _rectification(fields, rectification, notes) @ velodyne
+            velodyne = rectifying_pose(fields, rectification, notes) @ velodyne
     key = _present(fields, IMU_KEYS)
     if key in fields:
-        imu = _rigid(fields, key, "velodyne", "imu", notes)
-    return KittiCalibration(fields.path, projections, velodyne, imu, notes=tuple(notes))
+        imu = rigid_row(fields, key, "velodyne", "imu", notes)
+    lines = {n: fields.lines[f"P{n}"] for n in projections}
+    return KittiCalibration(
+        fields.path, projections, velodyne, imu, notes=tuple(notes), lines=lines
+    )
 
 
 def _unlabelled(path: Path, limits: Limits) -> KittiCalibration | None:
     every = read_lines(path, error=CalibrationSyntax, missing=CalibrationMissing, limits=limits)
     lines = [line for line in every if line.text]
-    if not lines or lines[0].text.lstrip(" \t")[0] not in "+-.0123456789":
+    if any(_KEYED.match(line.text) for line in lines) or not any(map(_starts_bare, lines)):
         return None
     names = ("P0", "P1", "P2", "P3", "Tr")
     if len(lines) not in (2, 4, 5):
@@ -122,12 +125,11 @@ def _unlabelled(path: Path, limits: Limits) -> KittiCalibration | None:
     )
     calibration = _of_sequence(fields)
     note = f"{path.name}: rows without keys taken as {', '.join(names[: len(lines)])}"
-    return KittiCalibration(
-        path,
-        calibration.projections,
-        calibration.T_cam0_velodyne,
-        notes=(note, *calibration.notes),
-    )
+    return replace(calibration, notes=(note, *calibration.notes))
+
+
+def _starts_bare(line: TextLine) -> bool:
+    return line.text.lstrip(" \t")[:1] in "+-.0123456789"
 
 
 def write_object_calib(path: Path, rig: StereoRig) -> None:
@@ -199,7 +201,7 @@ def read_raw_calib(
     velodyne = imu = None
     if velo_to_cam is not None:
         raw = rigid_file(velo_to_cam, FRAME_CAM0, "velodyne", notes, limits)
-        velodyne = _rectification(cameras, "R_rect_00", notes) @ raw
+        velodyne = rectifying_pose(cameras, "R_rect_00", notes) @ raw
     if imu_to_velo is not None:
         imu = rigid_file(imu_to_velo, "velodyne", "imu", notes, limits)
     return KittiCalibration(
@@ -212,12 +214,12 @@ def read_raw_calib(
         notes=tuple(notes),
         made=cameras.texts.get("calib_time", ""),
         key="P_rect_0",
+        lines={n: cameras.lines[f"P_rect_0{n}"] for n in numbers},
     )
 
 
 def _sizes_px(fields: KeyValues, prefix: str) -> dict[int, tuple[int, int]]:
-    sizes = {n: fields.values[f"{prefix}{n}"] for n in range(4) if f"{prefix}{n}" in fields}
-    return {n: (round(float(size[0])), round(float(size[1]))) for n, size in sizes.items()}
+    return {n: size_px(fields, f"{prefix}{n}") for n in range(4) if f"{prefix}{n}" in fields}
 
 
 def write_raw_calib(
@@ -273,55 +275,3 @@ def _five_numbers(camera: Camera) -> Float64:
             where=CAM_TO_CAM,
         )
     return numbers
-
-
-# --- transforms ----------------------------------------------------------------------------------
-
-
-def rigid_file(path: Path, dst: str, src: str, notes: list[str], limits: Limits) -> Pose:
-    """The transform in one of the raw data's files of R and T.
-
-    Args:
-        path: the file.
-        dst: frame that the transform leads to.
-        src: frame that it comes from.
-        notes: gets a line where the rotation is one only roughly.
-        limits: cap on the file.
-    """
-    fields = read_key_values(path, RIGID_COUNTS, hint=WHICH_LAYOUT, limits=limits)
-    R, t_m = fields.require("R").reshape(3, 3), fields.require("T")
-    check_rotation(fields, "R", R, notes)
-    return Pose.from_rotation(dst, src, R, t_m)
-
-
-def _rigid(fields: KeyValues, key: str, dst: str, src: str, notes: list[str]) -> Pose:
-    matrix = fields.require(key).reshape(3, 4)
-    check_rotation(fields, key, matrix[:, :3], notes)
-    return Pose.from_rotation(dst, src, matrix[:, :3], matrix[:, 3])
-
-
-def _rectification(fields: KeyValues, key: str, notes: list[str]) -> Pose:
-    R = fields.require(key).reshape(3, 3)
-    check_rotation(fields, key, R, notes)
-    return Pose.from_rotation(FRAME_CAM0, FRAME_CAM0, R, np.zeros(3))
-
-
-def check_rotation(fields: KeyValues, key: str, R: Float64, notes: list[str]) -> None:
-    """Raise `CalibrationValue` unless `R` is a rotation; note it where it is one only roughly.
-
-    Args:
-        fields: of the file, for its place in errors.
-        key: of the rotation.
-        R: (3, 3).
-        notes: gets the line.
-    """
-    error = rotation_error(R)
-    if not error <= ROTATION_TOLERANCE:
-        raise CalibrationValue(
-            f"{key} is no rotation: off by {error:.2g}, determinant {np.linalg.det(R):.4g}",
-            want=f"orthonormal to {ROTATION_TOLERANCE:g}, determinant 1",
-            path=fields.path,
-            where=f"line {fields.lines[key]}",
-        )
-    if error > ROTATION_NOTED:
-        notes.append(f"{fields.path.name}: {key} is a rotation only to {error:.1g}")

@@ -14,9 +14,12 @@ from typing import Literal
 
 import numpy as np
 
-from pseudolidar.errors import CalibrationField, CalibrationValue, PseudolidarError
+from pseudolidar.errors import CalibrationField, CalibrationUnits, CalibrationValue
+from pseudolidar.formats.rigs.placed import at_place
+from pseudolidar.formats.rigs.rig_parts import LARGEST_BASELINE_M
+from pseudolidar.formats.rigs.rig_reading import checked_order, of_one_rectification
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.camera import LEFT_FRAME, RIGHT_FRAME, Camera, StereoRig
 from pseudolidar.structures.pose import Pose
 
 CameraPair = tuple[int, int]
@@ -43,6 +46,7 @@ class KittiCalibration:
         date: day of the drives that it is for, such as `2011_09_26`, where it is known.
         made: when it was computed, as the file says it.
         key: what precedes the camera's number in the file's names of projections.
+        lines: where the projections stand, by camera number, where it is known.
     """
 
     path: Path
@@ -55,6 +59,7 @@ class KittiCalibration:
     date: str = ""
     made: str = ""
     key: str = "P"
+    lines: Mapping[int, int] = field(default_factory=dict)
 
     @property
     def described(self) -> str:
@@ -67,7 +72,7 @@ class KittiCalibration:
 
         P = K [I | t] exactly, third row and last column included: t = K^-1 p4.
         """
-        return Pose.from_rotation("camera_left", FRAME_CAM0, np.eye(3), self._offset_m(left))
+        return Pose.from_rotation(LEFT_FRAME, FRAME_CAM0, np.eye(3), self._offset_m(left))
 
     def rig(self, cameras: CameraPair, *, size_px: tuple[int, int] | None = None) -> StereoRig:
         """The rectified rig of two of the cameras.
@@ -78,24 +83,37 @@ class KittiCalibration:
 
         Raises:
             CalibrationField: a camera is not in the file, or nobody knows the image size.
-            CalibrationValue: focal length, principal point or baseline impossible.
+            CalibrationValue: focal length, principal point or baseline impossible; cameras that
+                contradict each other.
+            CalibrationUnits: a baseline that is not in metres.
         """
         left, right = cameras
         T_left_cam0 = self.T_left_cam0(left)
-        offset_m = self._offset_m(right) - self._offset_m(left)
         velodyne = self.T_cam0_velodyne
-        try:
-            return StereoRig(
-                left=self._camera(left, "camera_left", size_px),
-                right=self._camera(right, "camera_right", size_px),
-                T_right_left=Pose.from_rotation("camera_right", "camera_left", np.eye(3), offset_m),
-                T_left_velodyne=None if velodyne is None else T_left_cam0 @ velodyne,
-                T_velodyne_imu=self.T_velodyne_imu,
-                origin=f"{self.described}, cameras {left} and {right}",
+        rig = StereoRig(
+            left=self._camera(left, LEFT_FRAME, size_px),
+            right=self._camera(right, RIGHT_FRAME, size_px),
+            T_right_left=self._T_right_left(left, right),
+            T_left_velodyne=None if velodyne is None else T_left_cam0 @ velodyne,
+            T_velodyne_imu=self.T_velodyne_imu,
+            origin=f"{self.described}, cameras {left} and {right}",
+        )
+        names = f"{self.key}{left} and {self.key}{right}"
+        return of_one_rectification(rig, names, path=self.path, where=self._place(right))
+
+    def _T_right_left(self, left: int, right: int) -> Pose:
+        offset_m = self._offset_m(right) - self._offset_m(left)
+        pose = Pose.from_rotation(RIGHT_FRAME, LEFT_FRAME, np.eye(3), offset_m)
+        distance_m = float(np.linalg.norm(offset_m))
+        if distance_m > LARGEST_BASELINE_M:
+            raise CalibrationUnits(
+                f"cameras {distance_m:g} m apart",
+                want=f"at most {LARGEST_BASELINE_M:g} m: KITTI's lengths are metres",
+                fix="Is it in millimetres? Divide column 4 of all P by 1000.",
+                path=self.path,
+                where=self._place(right),
             )
-        except PseudolidarError as error:
-            error.located(self.path)
-            raise
+        return checked_order(pose, path=self.path, where=self._place(right))
 
     def has(self, cameras: CameraPair) -> bool:
         """Whether both cameras are calibrated."""
@@ -125,16 +143,18 @@ class KittiCalibration:
                 f"{self.key}{camera} is no projection of a rectified camera",
                 want="K [I | t] with focal lengths above 0 and third row 0 0 1",
                 path=self.path,
-                where=f"{self.key}{camera}",
+                where=self._place(camera),
             ) from None
+
+    def _place(self, camera: int) -> str:
+        line = f", line {self.lines[camera]}" if camera in self.lines else ""
+        return f"{self.key}{camera}{line}"
 
     def _camera(self, number: int, frame: str, size_px: tuple[int, int] | None) -> Camera:
         size = self.sizes_px.get(number, size_px)
         if size is None:
             raise CalibrationField("no image size", want=f"S_rect_0{number}", path=self.path)
-        return Camera(
-            K=self._projection(number)[:, :3].copy(),
-            width_px=size[0],
-            height_px=size[1],
-            frame=frame,
-        )
+        try:
+            return Camera(self._projection(number)[:, :3].copy(), *size, frame=frame)
+        except CalibrationValue as error:
+            raise at_place(error, path=self.path, where=self._place(number)) from None

@@ -8,11 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from pseudolidar.errors import CalibrationField, PseudolidarError
+from pseudolidar.errors import CalibrationField, CalibrationValue
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.rigs.key_values import KeyValues, read_key_values
-from pseudolidar.formats.rigs.kitti import RAW_COUNTS, check_rotation, rigid_file
+from pseudolidar.formats.rigs.kitti import RAW_COUNTS
 from pseudolidar.formats.rigs.kitti_calibration import FRAME_CAM0, WHICH_LAYOUT, CameraPair
+from pseudolidar.formats.rigs.kitti_fields import check_rotation, rigid_file, size_px
+from pseudolidar.formats.rigs.placed import at_place
+from pseudolidar.formats.rigs.rig_reading import checked_order
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import LEFT_FRAME, RIGHT_FRAME, Camera, StereoRig
 from pseudolidar.structures.pose import Pose
@@ -27,12 +30,14 @@ class MountedCamera:
         distortion: (5,) float64 k1 k2 p1 p2 k3.
         size_px: (width, height) of its pictures.
         T_camera_cam0: pose of camera 0, as it was mounted, in this one.
+        where: place of K in the file, for errors.
     """
 
     K: Float64
     distortion: Float64
     size_px: tuple[int, int]
     T_camera_cam0: Pose
+    where: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,17 +74,15 @@ class KittiUnrectified:
         left, right = (self._camera(number) for number in cameras)
         T_left_cam0, T_right_cam0 = left.T_camera_cam0, right.T_camera_cam0
         velodyne = self.T_cam0_velodyne
-        try:
-            return StereoRig(
-                left=_placed(left, LEFT_FRAME),
-                right=_placed(right, RIGHT_FRAME),
-                T_right_left=_named(T_right_cam0 @ T_left_cam0.inverse(), RIGHT_FRAME),
-                T_left_velodyne=velodyne and _named(T_left_cam0 @ velodyne, LEFT_FRAME),
-                T_velodyne_imu=self.T_velodyne_imu,
-                origin=self._origin(cameras, date),
-            )
-        except PseudolidarError as error:
-            raise error.located(self.path) from None
+        pose = _named(T_right_cam0 @ T_left_cam0.inverse(), RIGHT_FRAME)
+        return StereoRig(
+            left=self._placed(left, LEFT_FRAME),
+            right=self._placed(right, RIGHT_FRAME),
+            T_right_left=checked_order(pose, path=self.path, where=f"T_0{cameras[1]}"),
+            T_left_velodyne=velodyne and _named(T_left_cam0 @ velodyne, LEFT_FRAME),
+            T_velodyne_imu=self.T_velodyne_imu,
+            origin=self._origin(cameras, date),
+        )
 
     def _camera(self, number: int) -> MountedCamera:
         if number in self.cameras:
@@ -92,6 +95,13 @@ class KittiUnrectified:
             path=self.path,
             where=f"K_0{number}",
         )
+
+    def _placed(self, camera: MountedCamera, frame: str) -> Camera:
+        distortion = np.asarray(camera.distortion)
+        try:
+            return Camera(camera.K, *camera.size_px, distortion, frame=frame)
+        except CalibrationValue as error:
+            raise at_place(error, path=self.path, where=camera.where) from None
 
     def _origin(self, cameras: CameraPair, date: str) -> str:
         of_date = f" of {date}" if date else ""
@@ -133,16 +143,12 @@ def read_unrectified_calib(
 
 
 def _mounted(fields: KeyValues, number: int, notes: list[str]) -> MountedCamera:
-    K, D, R, T, S = (fields.require(f"{name}_0{number}") for name in "KDRTS")
+    K, D, R, T = (fields.require(f"{name}_0{number}") for name in "KDRT")
     check_rotation(fields, f"R_0{number}", R.reshape(3, 3), notes)
     pose = Pose.from_rotation(f"camera_{number}", FRAME_CAM0, R.reshape(3, 3), T)
-    size_px = round(float(S[0])), round(float(S[1]))
-    return MountedCamera(K.reshape(3, 3), D, size_px, pose)
-
-
-def _placed(camera: MountedCamera, frame: str) -> Camera:
-    width, height = camera.size_px
-    return Camera(camera.K, width, height, np.asarray(camera.distortion), frame=frame)
+    size = size_px(fields, f"S_0{number}")
+    where = f"K_0{number}, line {fields.lines[f'K_0{number}']}"
+    return MountedCamera(K.reshape(3, 3), D, size, pose, where)
 
 
 def _named(pose: Pose, dst: str) -> Pose:

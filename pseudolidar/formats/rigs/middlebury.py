@@ -16,12 +16,17 @@ from pseudolidar.errors import (
     CalibrationSyntax,
     CalibrationUnits,
     CalibrationValue,
-    PseudolidarError,
 )
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.rigs.placed import at_place
 from pseudolidar.formats.rigs.rig_parts import LARGEST_BASELINE_M, LEFT, RIGHT
-from pseudolidar.formats.rigs.rig_reading import PER_METRE, RigReading, RigUnit
+from pseudolidar.formats.rigs.rig_reading import (
+    PER_METRE,
+    RigReading,
+    RigUnit,
+    of_one_rectification,
+)
 from pseudolidar.formats.text import WORD, TextLine, Word, read_lines
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera, StereoRig
@@ -61,9 +66,11 @@ class _Fields:
                     where=key,
                 )
 
+    def place(self, key: str) -> str:
+        return f"{key}, line {self.lines[key]}"
+
     def refusal(self, key: str, got: str, want: str) -> CalibrationValue:
-        where = f"{key}, line {self.lines[key]}"
-        return CalibrationValue(got, want=want, path=self.path, where=where)
+        return CalibrationValue(got, want=want, path=self.path, where=self.place(key))
 
 
 def read_middlebury_calib(
@@ -82,21 +89,29 @@ def read_middlebury_calib(
     """
     fields = _read(path, limits)
     fields.require("cam0", "cam1", "baseline", "width", "height")
-    K0, K1 = (fields.values[key].reshape(3, 3) for key in MATRICES)
-    size = _size(fields)
+    left, right = (_camera(fields, *named) for named in zip(MATRICES, (LEFT, RIGHT), strict=True))
     baseline_m = _baseline_m(fields, unit)
-    notes = [_doffs_note(fields, float(K1[0, 2] - K0[0, 2]))]
-    try:
-        rig = StereoRig(
-            Camera(K0, *size, frame=LEFT),
-            Camera(K1, *size, frame=RIGHT),
-            Pose.from_rotation(RIGHT, LEFT, np.eye(3), np.array([-baseline_m, 0.0, 0.0])),
-            origin=path.name,
-        )
-    except PseudolidarError as error:
-        raise error.located(path) from None
+    notes = [_doffs_note(fields, float(right.K[0, 2] - left.K[0, 2]))]
+    pose = Pose.from_rotation(RIGHT, LEFT, np.eye(3), np.array([-baseline_m, 0.0, 0.0]))
+    rig = of_one_rectification(
+        StereoRig(left, right, pose, origin=path.name),
+        "cam0 and cam1",
+        path=path,
+        where=fields.place("cam1"),
+    )
     nearest = _nearest_m(fields, rig, notes)
     return RigReading(path, "Middlebury calib.txt", rig, rig, tuple(notes), nearest)
+
+
+def _camera(fields: _Fields, key: str, frame: str) -> Camera:
+    K = fields.values[key].reshape(3, 3)
+    if not np.array_equal(K[2], (0.0, 0.0, 1.0)) or K[1, 0] != 0:
+        got = f"a K with rows {K[1].tolist()} and {K[2].tolist()}"
+        raise fields.refusal(key, got, "[0, fy, cy] and [0, 0, 1]")
+    try:
+        return Camera(K, *_size(fields), frame=frame)
+    except CalibrationValue as error:
+        raise at_place(error, path=fields.path, where=fields.place(key)) from None
 
 
 def _baseline_m(fields: _Fields, unit: RigUnit | None) -> float:
@@ -110,7 +125,7 @@ def _baseline_m(fields: _Fields, unit: RigUnit | None) -> float:
             want=f"millimetres, {1000 * SMALLEST_BASELINE_M:g} to {1000 * LARGEST_BASELINE_M:g}",
             fix=f"Is it {value:g} m, or cm? Then pass the file by --rig, with --rig-unit m or cm.",
             path=fields.path,
-            where=f"baseline, line {fields.lines['baseline']}",
+            where=fields.place("baseline"),
         )
     return baseline_m
 
@@ -189,7 +204,7 @@ def _numbers(line: TextLine, start: int, count: int) -> Float64:
 def is_middlebury_calib(text: str) -> bool:
     """Whether a file begins as a `calib.txt` of this kind."""
     lines = text.removeprefix("\xef\xbb\xbf").removeprefix("\ufeff").splitlines()
-    return any(line.lstrip(" \t").startswith("cam0") and "=" in line for line in lines[:20])
+    return any(line.lstrip(" \t").startswith(MATRICES) and "=" in line for line in lines[:20])
 
 
 def write_middlebury_calib(path: Path, rig: StereoRig, *, ndisp: int) -> None:

@@ -7,32 +7,35 @@ file (`camera_info`). Both mean: K and D are of the picture as taken, P of the r
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from pseudolidar.errors import CalibrationSyntax, CalibrationValue, PseudolidarError
+from pseudolidar.errors import (
+    CalibrationSyntax,
+    CalibrationValue,
+    PseudolidarError,
+)
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.rigs.placed import Node
-from pseudolidar.formats.rigs.rig_parts import COEFFICIENTS, LEFT, RIGHT
+from pseudolidar.formats.rigs.placed import Node, at_place
+from pseudolidar.formats.rigs.rig_parts import LEFT, RIGHT
 from pseudolidar.formats.rigs.rig_reading import (
     RigReading,
     RigUnit,
     checked_order,
     in_metres,
+    of_one_rectification,
     pose_right_left,
 )
-from pseudolidar.formats.rigs.stereo_fields import Eye, StereoFields
+from pseudolidar.formats.rigs.stereo_fields import Eye, StereoFields, of_eye
+from pseudolidar.formats.rigs.stereo_lens import lens_refusal, with_lens
 from pseudolidar.formats.rigs.stereo_sizes import Sizes, sizes_of
-from pseudolidar.formats.rigs.storage import matrix_of, read_storage
+from pseudolidar.formats.rigs.storage import read_storage
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.camera import Camera, LensModel, StereoRig
+from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.pose import Pose
 
 SUFFIXES = (".yml", ".yaml", ".xml", ".json")
-# Words in a model's name that say it is OpenCV's fisheye model.
-FISHEYE_MODELS = ("fisheye", "equidistant", "kannala")
 # Q repeats what P1 and P2 say, both in 17 digits; beyond this one of them is of another rig.
 Q_TOLERANCE = 1e-6
 
@@ -65,12 +68,19 @@ def read_opencv_rig(
     sizes = sizes_of(fields, size_px)
     notes: list[str] = []
     rectified = _rectified(fields, sizes[0], unit)
-    raw = _raw(fields, sizes, unit, notes)
+    refusal = lens_refusal(fields)
+    if refusal is None:
+        raw = _raw(fields, sizes, unit, notes)
+    elif rectified is not None:
+        raw = None
+        notes.append(f"{path.name}: {refusal.got.split(';')[0]}: P of both cameras alone counts")
+    else:
+        raise refusal
     if raw is not None and raw.is_rectified:
         # Nothing was rectified: T has the digits that P has lost by its product.
         rectified = raw
     if rectified is None and raw is None:
-        raise fields.lacks("pose of the cameras to each other", "R and T, or P1 and P2")
+        raise _no_pose(fields)
     turns = None if raw is None or rectified in (None, raw) else _turns(fields)
     return RigReading(
         path,
@@ -82,6 +92,27 @@ def read_opencv_rig(
         projections=_projections(fields),
         rectified_note="" if rectified in (None, raw) else _rectified_note(path, raw),
     )
+
+
+def _no_pose(fields: StereoFields) -> PseudolidarError:
+    """What keeps the place of the cameras to each other from being known."""
+    P_left, P_right = (fields.node("P", eye) for eye in (0, 1))
+    if P_left is not None and P_right is not None:
+        path, where = fields.place("P", 1)
+        return CalibrationValue(
+            "baseline 0: the last column of both projection matrices is 0",
+            want="-fx * baseline in row 1, column 4 of the right camera's",
+            fix="Calibrate both cameras together: calibrations of one camera each do not know "
+            "where the cameras stand to each other.",
+            path=path,
+            where=where,
+        )
+    without = [name for name in ("R", "T") if fields.node(name) is None]
+    eye = fields.alone("P")
+    if len(without) == 2 and eye is not None:
+        return fields.lacks(of_eye("P", eye), "P1 and P2, or R and T")
+    missing = without[0] if len(without) == 1 else "pose of the cameras to each other"
+    return fields.lacks(missing, "R and T, or P1 and P2")
 
 
 def _rectified_note(path: Path, raw: StereoRig | None) -> str:
@@ -143,12 +174,13 @@ def _rectified(
     _check_q(fields, left, along_rows, float(left[0, 2] - right[0, 2]))
     checked_order(Pose.from_rotation(RIGHT, LEFT, np.eye(3), t), path=path, where=where)
     t_m = in_metres(t, unit, path=path, where=where)
-    return StereoRig(
+    rig = StereoRig(
         _camera(left[:, :3].copy(), size_px, fields, "P", 0),
         _camera(right[:, :3].copy(), size_px, fields, "P", 1),
         Pose.from_rotation(RIGHT, LEFT, np.eye(3), t_m),
         origin=fields.path.name,
     )
+    return of_one_rectification(rig, "P of both cameras", path=path, where=where)
 
 
 def _projections(fields: StereoFields) -> dict[str, Float64]:
@@ -200,14 +232,14 @@ def _raw(
     T_right_left = _raw_pose(fields, unit)
     if T_right_left is None or left is None or right is None:
         return None
-    cameras = [_camera(K, sizes[eye], fields, "K", eye) for eye, K in enumerate((left, right))]
-    lenses = [_lens(fields, eye) for eye in (0, 1)]
-    if all(model == "pinhole" and len(numbers) == 4 for numbers, model in lenses):
-        notes.append(f"{fields.path.name}: four distortion numbers without a model are k1 k2 p1 p2")
     as_taken = [
-        replace(camera, distortion=numbers, model=model)
-        for camera, (numbers, model) in zip(cameras, lenses, strict=True)
+        with_lens(_camera(K, sizes[eye], fields, "K", eye), fields, eye)
+        for eye, K in enumerate((left, right))
     ]
+    if all(fields.node("D", eye) is None for eye in (0, 1)):
+        notes.append(f"{fields.path.name}: no distortion numbers: lenses taken for straight")
+    if all(camera.model == "pinhole" and len(camera.distortion) == 4 for camera in as_taken):
+        notes.append(f"{fields.path.name}: four distortion numbers without a model are k1 k2 p1 p2")
     try:
         return StereoRig(
             as_taken[0], as_taken[1], T_right_left, origin=f"{fields.path.name}, as taken"
@@ -254,26 +286,6 @@ def _turns(fields: StereoFields) -> tuple[Float64, Float64] | None:
     return R1, R2
 
 
-def _lens(fields: StereoFields, eye: int) -> tuple[Float64, LensModel]:
-    """Distortion numbers and the model they belong to."""
-    node, named = fields.node("D", eye), fields.node("model", eye) or fields.node("model")
-    model: LensModel = "pinhole"
-    if named is not None and any(word in str(named.value).lower() for word in FISHEYE_MODELS):
-        model = "fisheye"
-    if node is None or node.value == ():
-        return np.zeros(0), model
-    numbers = matrix_of(node).ravel()
-    if len(numbers) not in COEFFICIENTS[model]:
-        allowed = " or ".join(str(n) for n in COEFFICIENTS[model])
-        raise CalibrationSyntax(
-            f"{len(numbers)} numbers",
-            want=f"{allowed} of a {model} lens",
-            path=node.path,
-            where=node.where,
-        )
-    return numbers, model
-
-
 def _camera(
     K: Float64, size_px: tuple[int, int], fields: StereoFields, kind: str, eye: int
 ) -> Camera:
@@ -288,6 +300,4 @@ def _camera(
     try:
         return Camera(K, *size_px, frame=(LEFT, RIGHT)[eye])
     except CalibrationValue as error:
-        raise CalibrationValue(
-            error.got, want=error.want, fix=error.fix, path=path, where=where
-        ) from None
+        raise at_place(error, path=path, where=where) from None

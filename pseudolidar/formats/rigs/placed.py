@@ -5,8 +5,9 @@ from __future__ import annotations
 import bisect
 import re
 from dataclasses import dataclass
+from pathlib import Path
 
-from pseudolidar.errors import CalibrationField, CalibrationSyntax, LimitError
+from pseudolidar.errors import CalibrationField, CalibrationSyntax, CalibrationValue, LimitError
 
 DEEPEST = 32
 # Values of a file: a calibration with the corners of all its pictures has some thousands, and each
@@ -31,6 +32,11 @@ class Node:
     value: Value
     where: str
     path: str
+
+
+def at_place(error: CalibrationValue, *, path: str | Path, where: str) -> CalibrationValue:
+    """The error of a noun, with the file and the place that its value came from."""
+    return CalibrationValue(error.got, want=error.want, fix=error.fix, path=path, where=where)
 
 
 class Places:

@@ -9,11 +9,12 @@ import numpy as np
 
 from pseudolidar.errors import CalibrationField, CalibrationValue
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.rigs.placed import at_place
 from pseudolidar.formats.rigs.projection_text import NamedMatrix, read_projections
 from pseudolidar.formats.rigs.rig_parts import LEFT, RIGHT
 from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit, checked_order, in_metres
 from pseudolidar.geometry.decomposition import Decomposition, decompose
-from pseudolidar.geometry.unrectified import side_word, why_unrectified
+from pseudolidar.geometry.unrectified import rotation_deg, side_word, why_unrectified
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.pose import Pose
@@ -21,6 +22,8 @@ from pseudolidar.structures.pose import Pose
 FORM = "two projection matrices"
 # What matrices of seven digits agree to: elements of rotations, skew as a share of fx.
 ROUNDED = 1e-6
+# Flat pictures, which these are, have nothing in common when they face further apart.
+MOST_APART_DEG = 90.0
 
 
 def read_projection_pair(
@@ -83,6 +86,7 @@ def projection_reading(
             where=right.where,
         )
     pose = Pose.from_rotation(RIGHT, LEFT, R, t)
+    _check_facing(right, R)
     _check_direction(left, right, parts, pose)
     checked_order(pose, path=right.path, where=right.where)
     t_m = in_metres(t, unit, path=right.path, where=right.where)
@@ -122,6 +126,18 @@ def _between(left: Decomposition, right: Decomposition) -> tuple[Float64, Float6
     if np.abs(R - np.eye(3)).max() < ROUNDED:
         return np.eye(3), right.t - left.t
     return R, right.t - R @ left.t
+
+
+def _check_facing(right: NamedMatrix, R: Float64) -> None:
+    apart_deg = rotation_deg(R)
+    if apart_deg > MOST_APART_DEG:
+        raise CalibrationValue(
+            f"cameras that look {apart_deg:.0f} degrees apart",
+            want="two cameras that see the same things",
+            fix="Does one of the matrices have a negative focal length, or is it of another world?",
+            path=right.path,
+            where=right.where,
+        )
 
 
 def _check_direction(
@@ -184,6 +200,4 @@ def _camera(
     try:
         return Camera(K, *size_px, frame=frame)
     except CalibrationValue as error:
-        raise CalibrationValue(
-            error.got, want=error.want, fix=error.fix, path=matrix.path, where=matrix.where
-        ) from None
+        raise at_place(error, path=matrix.path, where=matrix.where) from None

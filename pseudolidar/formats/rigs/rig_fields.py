@@ -12,7 +12,7 @@ import json
 import numpy as np
 
 from pseudolidar.errors import CalibrationField, CalibrationSyntax, CalibrationValue
-from pseudolidar.formats.rigs.placed import Node
+from pseudolidar.formats.rigs.placed import Node, at_place
 from pseudolidar.structures.arrays import Float64
 
 MINIMAL_RIG = (
@@ -114,6 +114,4 @@ def lacks(node: Node, key: str) -> CalibrationField:
 
 def at_node(error: CalibrationValue, node: Node) -> CalibrationValue:
     """The error with the place of `node`."""
-    return CalibrationValue(
-        error.got, want=error.want, fix=error.fix, path=node.path, where=node.where
-    )
+    return at_place(error, path=node.path, where=node.where)

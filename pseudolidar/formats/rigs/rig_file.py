@@ -40,6 +40,7 @@ from pseudolidar.formats.text import read_lines
 from pseudolidar.structures.camera import StereoRig
 
 # Files that a folder of pictures can have its rig in, the surest first.
+K_TXT = "k.txt"
 RIG_FILES = ("rig.json", "calib.txt", "K.txt", "k.txt", "intrinsic.txt")
 # Words in the names of YAML, XML and JSON files that hold a camera or a pair.
 _PAIR_WORDS = (
@@ -104,10 +105,14 @@ def read_any_rig(
     if path.is_dir():
         return _folder(path, size_px, unit, limits)
     if not path.exists():
-        raise missing_rig(path)
+        if path.suffix.lower() == ".json":
+            raise missing_rig(path)
+        raise CalibrationMissing("no such file", want=READ, path=path)
     lines = read_lines(path, error=CalibrationSyntax, limits=limits)
     words = [line.text for line in lines if line.text.strip(" \t")]
-    first = words[0].lstrip(" \t") if words else ""
+    if not words:
+        raise CalibrationSyntax("nothing in the file", want=READ, path=path, where="line 1")
+    first = words[0].lstrip(" \t")
     if path.suffix.lower() == ".json" and _is_own(words):
         return _own(path, read_rig(path, limits=limits))
     if first.startswith(("<", "{", "%YAML", "---")) or path.suffix.lower() in SUFFIXES:
@@ -116,6 +121,8 @@ def read_any_rig(
         return read_middlebury_calib(path, unit=unit, limits=limits)
     if looks_like_projections(words):
         return _projections(path, size_px, unit, limits)
+    if path.name.lower() == K_TXT:
+        return read_k_txt(path, size_px=_known(size_px, path), unit=unit, limits=limits)
     if KEY.match(first) and not first[:1].isdigit():
         return _kitti(path, size_px, limits)
     if sum(len(line.words()) for line in lines) > 10:
@@ -173,6 +180,14 @@ def _two_files(
     paths: Path, size_px: tuple[int, int] | None, unit: RigUnit | None, limits: Limits
 ) -> RigReading:
     files = [Path(part) for part in str(paths).split(",")]
+    if len(files) == 2 and files[0] == files[1]:
+        raise CalibrationField(
+            f"{files[0].name} for both cameras",
+            want="LEFT,RIGHT, two files",
+            fix="Give the file of the other camera.",
+            path=paths,
+            where="LEFT,RIGHT",
+        )
     missing = next((file for file in files if not file.exists()), None)
     if missing is not None or len(files) != 2:
         raise CalibrationMissing(

@@ -221,7 +221,7 @@ def rig_notes(rig: StereoRig) -> tuple[str, ...]:
         f"T_{pose.dst}_{pose.src}": rotation_error(pose.matrix[:3, :3]) for pose in poses if pose
     }
     notes = [
-        f"rotation of {name} is orthonormal to {error:.1e} only"
+        f"warning: rotation of {name} is orthonormal to {error:.1e} only"
         for name, error in errors.items()
         if error > ROUNDED_ROTATION
     ]

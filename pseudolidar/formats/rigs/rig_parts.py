@@ -38,6 +38,8 @@ LEFT, RIGHT, VELODYNE, IMU = LEFT_FRAME, RIGHT_FRAME, "velodyne", "imu"
 COEFFICIENTS = {"pinhole": (0, 4, 5, 8, 12, 14), "fisheye": (0, 4)}
 # No rig carries its cameras further apart; such a number is in millimetres.
 LARGEST_BASELINE_M = 10.0
+# No vehicle that carries cameras and another sensor is longer.
+FARTHEST_SENSOR_M = 50.0
 
 
 def camera(node: Node, size_px: tuple[int, int], frame: str) -> Camera:
@@ -70,7 +72,8 @@ def camera(node: Node, size_px: tuple[int, int], frame: str) -> Camera:
     try:
         return Camera(K, width, height, distortion, named, frame)
     except CalibrationValue as error:
-        raise at_node(error, fields.get("K", node)) from None
+        key = "distortion" if error.where.endswith("distortion") else "K"
+        raise at_node(error, fields.get(key, node)) from None
 
 
 def _intrinsics(node: Node, fields: Mapping[str, Node]) -> Float64:
@@ -112,7 +115,7 @@ def T_right_left(root: Node, fields: Mapping[str, Node]) -> Pose:
             )
         )
     if "T_right_left" in fields:
-        return _checked_length(_pose(fields["T_right_left"], RIGHT, LEFT), fields["T_right_left"])
+        return _checked_pair(_pose(fields["T_right_left"], RIGHT, LEFT), fields["T_right_left"])
     node = fields["baseline_m"]
     baseline_m = number(node)
     if not baseline_m > 0:
@@ -127,12 +130,28 @@ def T_right_left(root: Node, fields: Mapping[str, Node]) -> Pose:
     return _checked_length(pose, node)
 
 
-def _checked_length(pose: Pose, node: Node) -> Pose:
-    distance_m = float(np.linalg.norm(pose.translation_m))
-    if distance_m > LARGEST_BASELINE_M:
+def _checked_pair(pose: Pose, node: Node) -> Pose:
+    """The pose, if the right camera is neither where the left one is nor left of it."""
+    x, y, z = np.abs(place := pose.inverse().translation_m)
+    if max(x, y, z) == 0 or (place[0] < 0 and x > max(y, z)):
         raise CalibrationValue(
-            f"cameras {distance_m:g} m apart",
-            want=f"at most {LARGEST_BASELINE_M:g} m",
+            f"baseline {place[0]:g} m"
+            + (": the camera called left stands right of the other" if place.any() else ""),
+            want="the right camera right of the left one: t_m[0] below 0",
+            fix="If the eyes are exchanged, exchange cameras and pictures.",
+            path=node.path,
+            where=node.where,
+        )
+    return _checked_length(pose, node)
+
+
+def _checked_length(pose: Pose, node: Node, most_m: float = LARGEST_BASELINE_M) -> Pose:
+    distance_m = float(np.linalg.norm(pose.translation_m))
+    if distance_m > most_m:
+        cameras = (pose.dst, pose.src) == (RIGHT, LEFT)
+        raise CalibrationValue(
+            f"{'cameras' if cameras else f'{pose.dst} and {pose.src}'} {distance_m:g} m apart",
+            want=f"at most {most_m:g} m",
             fix="Is it in millimetres? Write metres.",
             path=node.path,
             where=node.where,
@@ -142,7 +161,9 @@ def _checked_length(pose: Pose, node: Node) -> Pose:
 
 def optional_pose(fields: Mapping[str, Node], key: str, dst: str, src: str) -> Pose | None:
     """`T_dst_src` under `key`, if it is there."""
-    return _pose(fields[key], dst, src) if key in fields else None
+    if key not in fields:
+        return None
+    return _checked_length(_pose(fields[key], dst, src), fields[key], FARTHEST_SENSOR_M)
 
 
 def _pose(node: Node, dst: str, src: str) -> Pose:

@@ -18,7 +18,7 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.rigs.rig_parts import LARGEST_BASELINE_M, LEFT, RIGHT
 from pseudolidar.geometry.rectification import Rectification
-from pseudolidar.geometry.unrectified import why_unrectified
+from pseudolidar.geometry.unrectified import side_word, why_unrectified
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.pose import Pose, rotation_error
@@ -135,12 +135,22 @@ def checked_order(T_right_left: Pose, *, path: Path, where: str) -> Pose:
     """The pose, if the right camera stands right of the left one.
 
     Raises:
-        CalibrationValue: the eyes are exchanged, or one camera is above the other.
+        CalibrationValue: the eyes are exchanged or at one place, or one camera is above or behind
+            the other.
     """
-    x, y, _ = T_right_left.inverse().translation_m
-    if abs(y) > abs(x):
+    x, y, z = place = T_right_left.inverse().translation_m
+    if not place.any():
         raise CalibrationValue(
-            f"the second camera is {abs(y):g} {'below' if y > 0 else 'above'} the first",
+            "baseline 0: both cameras at one place",
+            want="two cameras apart",
+            path=path,
+            where=where,
+        )
+    if abs(y) > abs(x) or (x < 0 and abs(z) > abs(x)):
+        axis = 1 if abs(y) > abs(z) else 2
+        off = float(place[axis])
+        raise CalibrationValue(
+            f"the second camera is {abs(off):g} {side_word(axis, off)} the first",
             want="cameras side by side",
             path=path,
             where=where,
@@ -154,6 +164,29 @@ def checked_order(T_right_left: Pose, *, path: Path, where: str) -> Pose:
             where=where,
         )
     return T_right_left
+
+
+def of_one_rectification(rig: StereoRig, matrices: str, *, path: Path, where: str) -> StereoRig:
+    """The rig, if rows of its pictures correspond, as those of rectified ones do.
+
+    Args:
+        rig: made of what a file says of its rectified pictures.
+        matrices: what it is made of, in words.
+        path: the file.
+        where: the place in it.
+
+    Raises:
+        CalibrationValue: its two cameras contradict each other.
+    """
+    if rig.is_rectified:
+        return rig
+    raise CalibrationValue(
+        f"{matrices} are not of one rectification: {'; '.join(why_unrectified(rig))}",
+        want="equal focal lengths, rows and sizes",
+        fix="Take both from one run of the rectification, or give the cameras as they are.",
+        path=path,
+        where=where,
+    )
 
 
 def pose_right_left(R: Float64, t: Float64, *, path: Path, where: str) -> Pose:

@@ -44,6 +44,13 @@ SHARED = {
     "height": ("imageheight", "height"),
     "model": ("distortionmodel", "cameramodel", "model"),
 }
+_WORDS = {
+    "K": "camera matrix",
+    "D": "distortion numbers",
+    "P": "projection matrix",
+    "R_rect": "rectifying rotation",
+    "model": "lens model",
+}
 _PUNCTUATION = re.compile(r"[^0-9a-z]+")
 
 
@@ -90,10 +97,25 @@ class StereoFields:
             option = cls(path, nodes, shown, eyes)
             if any(option._both(kind) for kind in ("K", "P")):
                 return option
-        raise fields.lacks("cameras of a pair", "M1 and M2, P1 and P2, or the like")
+        raise fields.lacks(fields._missing_camera(), "M1 and M2, P1 and P2, or the like")
 
     def _both(self, kind: str) -> bool:
         return all(self.node(kind, eye) is not None for eye in (0, 1))
+
+    def alone(self, kind: str) -> int | None:
+        """The eye that has no value of a kind, where the other one has; None where none has."""
+        without = [eye for eye in (0, 1) if self.node(kind, eye) is None]
+        return without[0] if len(without) == 1 else None
+
+    def _missing_camera(self) -> str:
+        """What keeps the values from being those of a pair, in words."""
+        for eyes in EYES:
+            option = StereoFields(self.path, self.nodes, self.shown, eyes)
+            for kind in ("K", "P"):
+                eye = option.alone(kind)
+                if eye is not None:
+                    return of_eye(kind, eye)
+        return "cameras of a pair"
 
     def node(self, kind: str, eye: int | None = None) -> Node | None:
         """The value of a kind of `NAMES` for an eye, or of `SHARED`; None where there is none."""
@@ -131,8 +153,13 @@ class StereoFields:
         """The error of files without something; what is there is named."""
         names = ", ".join(list(self.shown.values())[:20])
         return CalibrationField(
-            f"no {what}; found {names or 'nothing'}", want=want, path=self.path, where=what
+            f"no {what}; found {names or 'nothing'}", want=want, path=self.path, where="keys"
         )
+
+
+def of_eye(kind: str, eye: int) -> str:
+    """A value of `NAMES` in words: "camera matrix of the left camera"."""
+    return f"{_WORDS[kind]} of the {('left', 'right')[eye]} camera"
 
 
 def _flat(node: Node, name: str) -> Iterator[tuple[str, Node]]:

@@ -81,7 +81,8 @@ class RigReport:
             "rows_corrected": rig.rows is not None,
             "quality": None if rig.quality is None else quality_fields(rig.quality),
             "projections": {
-                name: _parts_figures(P) for name, P in projections(self.reading).items()
+                name: _parts_figures(P, parts)
+                for name, (P, parts) in decomposed(self.reading).items()
             },
             "warnings": list(self.warnings),
             "notes": [note for note in self._all_notes if not _warns(note)],
@@ -97,7 +98,7 @@ class RigReport:
         parts = [f"{self.reading.path}: {kind} ({self.reading.form})"]
         parts.append(table_text(self._camera_rows(), header=("", "left", "right")))
         parts.append(table_text(self._pair_rows()))
-        parts.append(_projections_text(projections(self.reading)))
+        parts.append(_projections_text(self.reading))
         if self.warnings:
             parts.append("\n".join(f"warning: {text}" for text in self.warnings))
         notes = [note for note in self._all_notes if not _warns(note)]
@@ -222,13 +223,27 @@ def projections(reading: RigReading) -> Mapping[str, Float64]:
     return {} if rig is None else {"P_left": rig.P_left, "P_right": rig.P_right}
 
 
-def _parts_figures(P: Float64) -> dict[str, Any]:
-    parts = decompose(P)
+def decomposed(reading: RigReading) -> Mapping[str, tuple[Float64, Decomposition]]:
+    """Projection matrices and what they are made of, by their names.
+
+    Raises:
+        CalibrationValue: one of them is no camera.
+    """
+    found: dict[str, tuple[Float64, Decomposition]] = {}
+    for name, P in projections(reading).items():
+        try:
+            found[name] = P, decompose(P)
+        except CalibrationValue as error:
+            raise error.located(reading.path, name) from None
+    return found
+
+
+def _parts_figures(P: Float64, parts: Decomposition) -> dict[str, Any]:
     return {"P": P, "K": parts.K, "R": parts.R, "t": parts.t, "centre": parts.centre}
 
 
-def _projections_text(matrices: Mapping[str, Float64]) -> str:
-    rows = [(name, *_parts_text(decompose(P))) for name, P in matrices.items()]
+def _projections_text(reading: RigReading) -> str:
+    rows = [(name, *_parts_text(parts)) for name, (_, parts) in decomposed(reading).items()]
     header = ("P = K [R | t]", "fx, fy, cx, cy", "skew", "R", "t", "camera at")
     return table_text(rows, header=header) if rows else ""
 

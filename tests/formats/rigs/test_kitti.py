@@ -246,7 +246,7 @@ def test_duplicate_key_names_both_lines(tmp_path):
 def test_no_rotation_is_refused_with_its_value(tmp_path, key, value):
     with pytest.raises(CalibrationValue, match="no rotation") as caught:
         read_object_calib(object_file(tmp_path, **{key: value}))
-    assert caught.value.where == f"line {list(OBJECT).index(key) + 1}"
+    assert caught.value.where == f"{key}, line {list(OBJECT).index(key) + 1}"
     assert key in caught.value.got
 
 
@@ -259,7 +259,7 @@ def test_slightly_wrong_rotation_is_noted(tmp_path):
     ("changes", "message"),
     [
         ({"P2": OBJECT["P3"], "P3": OBJECT["P2"]}, "stands right of the other"),
-        ({"P3": OBJECT["P2"]}, "baseline 0 m"),
+        ({"P3": OBJECT["P2"]}, "baseline 0: both"),
         ({"P2": OBJECT["P2"].replace("7.2e+02", "-7.2e+02")}, "focal lengths"),
         ({"P2": OBJECT["P2"].replace("6.1e+02", "6.1e+03")}, "principal point"),
         ({"P2": "0 0 0 0 0 0 0 0 0 0 0 0"}, "no projection"),
