@@ -10,7 +10,8 @@ from pseudolidar.errors import PseudolidarError
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.pictures.image import read_size
 from pseudolidar.formats.pictures.pair_mask import read_pair_mask
-from pseudolidar.formats.rigs.rig_file import find_rig, read_any_rig
+from pseudolidar.formats.rigs.rig_file import read_any_rig
+from pseudolidar.formats.rigs.rig_folder import find_rig
 from pseudolidar.formats.rigs.rig_json import missing_rig, rig_notes
 from pseudolidar.formats.rigs.rig_reading import Pictures, RigReading, RigUnit
 from pseudolidar.formats.time_table import read_time_table

@@ -15,24 +15,20 @@ import numpy as np
 
 from pseudolidar.errors import (
     CalibrationField,
-    CalibrationSyntax,
-    CalibrationValue,
-    PseudolidarError,
     StructureError,
 )
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.rigs.named_lens import camera_of, fields_of_mapping, pose_of
 from pseudolidar.formats.rigs.placed import Node
-from pseudolidar.formats.rigs.rig_fields import at_node
-from pseudolidar.formats.rigs.rig_parts import LEFT, RIGHT
+from pseudolidar.formats.rigs.rig_parts import IMU, LEFT, RIGHT
 from pseudolidar.formats.rigs.rig_reading import (
     RigReading,
     RigUnit,
     checked_order,
     in_metres,
-    pose_right_left,
 )
-from pseudolidar.formats.rigs.storage import matrix_of, read_storage
+from pseudolidar.formats.rigs.storage import read_storage
 from pseudolidar.geometry.unrectified import why_unrectified
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera, LensModel, StereoRig
@@ -40,14 +36,8 @@ from pseudolidar.structures.pose import Pose
 
 FORM = "Kalibr camchain"
 _CAMERA = re.compile(r"cam([0-9]+)")
-_MARKS = ("camera_model", "distortion_model", "T_cn_cnm1")
-# Kalibr's lens models that OpenCV's have the formula of, and how many numbers they have.
-_LENSES: Mapping[str, tuple[LensModel, int]] = {
-    "radtan": ("pinhole", 4),
-    "equidistant": ("fisheye", 4),
-    "equi": ("fisheye", 4),
-    "none": ("pinhole", 0),
-}
+FROM_PREVIOUS, FROM_IMU = "T_cn_cnm1", "T_cam_imu"
+_MARKS = ("camera_model", "distortion_model", FROM_PREVIOUS)
 _KALIBR_LENSES: Mapping[LensModel, str] = {"pinhole": "radtan", "fisheye": "equidistant"}
 
 
@@ -111,20 +101,17 @@ def read_camchain(
     assert right.T_camera_previous is not None
     pose = checked_order(right.T_camera_previous, path=path, where=right.pose_where)
     t_m = in_metres(pose.translation_m, unit, path=path, where=right.pose_where)
-    try:
-        rig = StereoRig(
-            left.camera,
-            right.camera,
-            Pose.from_rotation(RIGHT, LEFT, pose.matrix[:3, :3], t_m),
-            origin=path.name,
-        )
-    except PseudolidarError as error:
-        raise error.located(path) from None
+    rig = StereoRig(
+        left.camera,
+        right.camera,
+        Pose.from_rotation(RIGHT, LEFT, pose.matrix[:3, :3], t_m),
+        origin=path.name,
+    )
     more = ", ".join(each.name for each in chain[2:])
     notes = [f"{path.name}: {left.name} is the left camera, {right.name} the right one"]
     notes += [f"{path.name}: {more} left aside"] if more else []
-    if "T_cam_imu" in _fields(left.node):
-        notes.append(f"{path.name}: T_cam_imu left aside")
+    if FROM_IMU in fields_of_mapping(left.node):
+        notes.append(f"{path.name}: {FROM_IMU} left aside")
     rectified = None if why_unrectified(rig) else rig
     return RigReading(path, FORM, rectified, rig, tuple(notes))
 
@@ -132,112 +119,36 @@ def read_camchain(
 def read_chain(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> tuple[ChainedCamera, ...]:
     """All cameras of a camchain, in the order of their numbers. Raises as `read_camchain`."""
     documents = read_storage(path, limits=limits)
-    fields = _fields(documents[0])
+    fields = fields_of_mapping(documents[0])
     numbers = sorted(int(m[1]) for name in fields if (m := _CAMERA.fullmatch(name)))
     if len(documents) > 1 or not numbers or numbers != list(range(len(numbers))):
         found = ", ".join(list(fields)[:20]) or "nothing"
         raise CalibrationField(f"found {found}", want="cam0, cam1, ... in one document", path=path)
     frames = [LEFT, RIGHT, *(f"cam{number}" for number in numbers[2:])]
-    return tuple(
-        _chained(fields[f"cam{number}"], f"cam{number}", frames, number) for number in numbers
-    )
+    nodes = [fields[f"cam{number}"] for number in numbers]
+    return tuple(_chained(nodes, frames, number) for number in numbers)
 
 
-def _fields(node: Node) -> dict[str, Node]:
-    if not isinstance(node.value, dict):
-        raise _syntax(node, "no mapping", "KEY: value")
-    return node.value
-
-
-def _chained(node: Node, name: str, frames: list[str], number: int) -> ChainedCamera:
-    camera = _camera(node, name, frames[number])
+def _chained(nodes: list[Node], frames: list[str], number: int) -> ChainedCamera:
+    node, name = nodes[number], f"cam{number}"
+    camera = camera_of(node, name, frames[number])
     if number == 0:
         return ChainedCamera(name, camera, None, node)
-    held = _required(node, name, "T_cn_cnm1")
-    T = _matrix(held, 16).reshape(4, 4)
-    if not np.array_equal(T[3], (0.0, 0.0, 0.0, 1.0)):
-        raise CalibrationValue(
-            f"T_cn_cnm1 with last row {T[3].tolist()}",
-            want="[0, 0, 0, 1]",
-            path=held.path,
-            where=held.where,
-        )
-    checked = pose_right_left(T[:3, :3], T[:3, 3], path=Path(held.path), where=held.where)
-    pose = Pose(frames[number], frames[number - 1], checked.matrix)
+    previous = (f"cam{number - 1}", nodes[number - 1])
+    pose, held = _pose(node, name, previous, frames[number], frames[number - 1])
     return ChainedCamera(name, camera, pose, node, held.where)
 
 
-def _camera(node: Node, name: str, frame: str) -> Camera:
-    projection = _word(node, name, "camera_model")
-    if projection != "pinhole":
-        raise _unknown_model(_required(node, name, "camera_model"), f"camera_model {projection!r}")
-    lens = _word(node, name, "distortion_model")
-    if lens not in _LENSES:
-        raise _unknown_model(_required(node, name, "distortion_model"), f"distortion {lens!r}")
-    model, count = _LENSES[lens]
-    distortion = (
-        _matrix(_required(node, name, "distortion_coeffs"), count) if count else np.zeros(0)
-    )
-    intrinsics = _required(node, name, "intrinsics")
-    fx, fy, cx, cy = _matrix(intrinsics, 4)
-    width, height = _size(_required(node, name, "resolution"))
-    K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    try:
-        return Camera(K, width, height, distortion, model, frame)
-    except CalibrationValue as error:
-        bent = error.where.endswith("distortion")
-        place = _required(node, name, "distortion_coeffs") if bent else intrinsics
-        raise at_node(error, place) from None
-
-
-def _required(node: Node, name: str, key: str) -> Node:
-    fields = _fields(node)
-    if key not in fields:
-        raise CalibrationField(
-            f"{name} has no {key}; found {', '.join(fields) or 'nothing'}",
-            want=key,
-            fix="Is this the camchain that Kalibr wrote?",
-            path=node.path,
-            where=node.where,
-        )
-    return fields[key]
-
-
-def _word(node: Node, name: str, key: str) -> str:
-    held = _required(node, name, key)
-    if not isinstance(held.value, str):
-        raise _syntax(held, f"{held.value!r}"[:40], "the name of a model")
-    return held.value
-
-
-def _unknown_model(node: Node, got: str) -> CalibrationValue:
-    return CalibrationValue(
-        got,
-        want="camera_model pinhole with distortion_model radtan, equidistant or none",
-        fix="Calibrate with pinhole-radtan or pinhole-equi.",
-        path=node.path,
-        where=node.where,
-    )
-
-
-def _matrix(node: Node, count: int) -> Float64:
-    """(count,) numbers of a list or of a list of rows."""
-    found = matrix_of(node).ravel()
-    if len(found) != count:
-        raise _syntax(node, f"{len(found)} numbers", str(count))
-    return found
-
-
-def _size(node: Node) -> tuple[int, int]:
-    sides = [side.value for side in node.value] if isinstance(node.value, tuple) else []
-    whole = [side for side in sides if isinstance(side, int) and not isinstance(side, bool)]
-    if len(sides) != 2 or len(whole) != 2 or min(whole) < 1:
-        raise _syntax(node, "no picture size", "[width, height], whole numbers of pixels")
-    return whole[0], whole[1]
-
-
-def _syntax(node: Node, got: str, want: str) -> CalibrationSyntax:
-    return CalibrationSyntax(got, want=want, path=node.path, where=node.where)
+def _pose(
+    node: Node, name: str, previous: tuple[str, Node], dst: str, src: str
+) -> tuple[Pose, Node]:
+    """`T_cn_cnm1`, or what it is by both cameras' `T_cam_imu`."""
+    by_imu = all(FROM_IMU in fields_of_mapping(each) for each in (node, previous[1]))
+    if FROM_PREVIOUS in fields_of_mapping(node) or not by_imu:
+        return pose_of(node, name, FROM_PREVIOUS, dst, src)
+    T_camera_imu, held = pose_of(node, name, FROM_IMU, dst, IMU)
+    T_previous_imu, _ = pose_of(previous[1], previous[0], FROM_IMU, src, IMU)
+    return T_camera_imu @ T_previous_imu.inverse(), held
 
 
 # --- writing -------------------------------------------------------------------------------------

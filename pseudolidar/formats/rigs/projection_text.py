@@ -25,6 +25,9 @@ MOST_MATRICES = 2
 _PUNCTUATION = "[](){},; \t"
 _NAME = re.compile(r"[ \t]*([A-Za-z_]\w*)[ \t]*[=:][ \t]*(?:(?:np|numpy)\.(?:array|matrix))?")
 _TOKEN = re.compile(r"[^\[\](){},; \t]+")
+# What a matrix begins with; without a name before it, it is not the [NAME] of an INI file.
+_BRACKET = re.compile(r"[ \t]*[\[(]")
+_BRACKETED_NUMBER = re.compile(r"[ \t]*[\[(][\[( \t]*(?:[-+.0-9]|$)")
 _COMMENT = re.compile(r"[#%].*|//.*")
 
 
@@ -101,7 +104,7 @@ def looks_like_projections(lines: Sequence[str]) -> bool:
         return False
     named = _NAME.match(bare[0])
     rest = bare[0][named.end() :] if named else bare[0]
-    if rest.lstrip(" \t")[:1] in ("[", "("):
+    if (_BRACKET if named else _BRACKETED_NUMBER).match(rest):
         return True
     return named is None and all(len(_TOKEN.findall(line)) == COLUMNS for line in bare[:ROWS])
 

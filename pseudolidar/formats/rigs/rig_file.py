@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.rigs.body_json import MARK, read_pair
+from pseudolidar.formats.rigs.euroc import has_sensors, read_sensors, sensor_files
 from pseudolidar.formats.rigs.k_txt import read_k_txt
 from pseudolidar.formats.rigs.kalibr import is_camchain, read_camchain
 from pseudolidar.formats.rigs.key_values import KEY
@@ -33,46 +35,24 @@ from pseudolidar.formats.rigs.projection_text import (
     looks_like_projections,
     read_projections,
 )
+from pseudolidar.formats.rigs.rig_folder import K_TXT, find_rig, projection_files, storage_files
 from pseudolidar.formats.rigs.rig_json import missing_rig, read_rig, rig_notes
 from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit
 from pseudolidar.formats.rigs.storage import read_storage
-from pseudolidar.formats.text import read_lines
+from pseudolidar.formats.text import LONGEST_SHOWN, read_lines
 from pseudolidar.structures.camera import StereoRig
 
-# Files that a folder of pictures can have its rig in, the surest first.
-K_TXT = "k.txt"
-RIG_FILES = ("rig.json", "calib.txt", "K.txt", "k.txt", "intrinsic.txt")
-# Words in the names of YAML, XML and JSON files that hold a camera or a pair.
-_PAIR_WORDS = (
-    "stereo",
-    "calib",
-    "intrinsic",
-    "extrinsic",
-    "camera_info",
-    "cameraparam",
-    "rig",
-    "camchain",
+# Keys of a rig.json, and those that programs which write matrices as JSON have in their place.
+_OWN_KEYS = re.compile(r'"(?:schema|pairs|width_px|baseline_m|T_right_left)"')
+_OPENCV_KEYS = re.compile(
+    r'"(?:opencv-matrix|R|T|[MKPD]_?[12]|[a-z]+_?(?:matrix|dist)_?[12]'
+    r'|(?:[MKDP]|mtx|dist)_?(?:left|right))"',
+    re.IGNORECASE,
 )
-# Words in the names of text files that hold the projection matrices of a pair, or of one eye.
-_PROJECTION_WORDS = ("camera", "projection", "p_left", "p_right")
 READ = (
-    "rig.json, OpenCV YAML, XML or JSON, ROS camera_info, Kalibr's camchain, K.txt, Middlebury's "
-    "or KITTI's calib.txt, two projection matrices as text"
+    "rig.json, OpenCV YAML, XML or JSON, ROS camera_info, Kalibr's camchain, EuRoC's sensor.yaml "
+    "of two cameras, K.txt, Middlebury's or KITTI's calib.txt, two projection matrices as text"
 )
-
-
-def find_rig(folder: Path) -> Path | None:
-    """The file with the rig of the pictures in `folder`; the folder itself where it takes several.
-
-    Only names are looked at.
-    """
-    for name in RIG_FILES:
-        if (folder / name).exists():
-            return folder / name
-    files = _storage_files(folder) or _projection_files(folder)
-    if not files:
-        return None
-    return next(iter(files.values())) if len(files) == 1 else folder
 
 
 def read_any_rig(
@@ -125,9 +105,17 @@ def read_any_rig(
         return read_k_txt(path, size_px=_known(size_px, path), unit=unit, limits=limits)
     if KEY.match(first) and not first[:1].isdigit():
         return _kitti(path, size_px, limits)
+    if not any(_starts_number(word) for word in words):
+        shown = repr(first[:LONGEST_SHOWN])
+        raise CalibrationSyntax(f"a file that begins with {shown}", want=READ, path=path,
+                                where="line 1")  # fmt: skip
     if sum(len(line.words()) for line in lines) > 10:
         return _kitti(path, size_px, limits)
     return read_k_txt(path, size_px=_known(size_px, path), unit=unit, limits=limits)
+
+
+def _starts_number(line: str) -> bool:
+    return line.lstrip(" \t")[:1] in "+-.0123456789"
 
 
 def _own(path: Path, rig: StereoRig) -> RigReading:
@@ -136,8 +124,9 @@ def _own(path: Path, rig: StereoRig) -> RigReading:
 
 
 def _is_own(lines: list[str]) -> bool:
-    """Whether a JSON file is a rig.json, which has a schema, or OpenCV's."""
-    return not any('"opencv-matrix"' in line for line in lines)
+    """Whether a JSON file is a rig.json, which has a schema, or has matrices by OpenCV's names."""
+    text = "\n".join(lines)
+    return _OWN_KEYS.search(text) is not None or _OPENCV_KEYS.search(text) is None
 
 
 def _known(size_px: tuple[int, int] | None, path: Path) -> tuple[int, int]:
@@ -197,6 +186,10 @@ def _two_files(
         )
     if all(_is_projection(file, limits) for file in files):
         return read_projection_pair(files, size_px=size_px, unit=unit, limits=limits)
+    if all(file.suffix.lower() in SUFFIXES for file in files) and has_sensors(
+        files[0], files[1], limits=limits
+    ):
+        return read_sensors(files[0], files[1], unit=unit, limits=limits)
     eyes = {"left": files[0], "right": files[1]}
     if all(eye_of(file.name) is None for file in files):
         try:
@@ -212,48 +205,18 @@ def _folder(
 ) -> RigReading:
     if (folder / CAM_TO_CAM).exists():
         return _kitti(folder / CAM_TO_CAM, size_px, limits)
-    found = find_rig(folder)
+    found, sensors = find_rig(folder), sensor_files(folder)
+    if found is None and sensors is not None:
+        return read_sensors(*sensors, unit=unit, limits=limits)
     if found is None:
         raise CalibrationMissing(f"no calibration in {folder.name}", want=READ, path=folder)
     if found != folder:
         return read_any_rig(found, size_px=size_px, unit=unit, limits=limits)
-    files = _storage_files(folder)
+    files = storage_files(folder)
     if not files:
-        both = [*_projection_files(folder).values()]
+        both = [*projection_files(folder).values()]
         return read_projection_pair(both, size_px=size_px, unit=unit, limits=limits)
     return read_opencv_rig(files, path=folder, size_px=size_px, unit=unit, limits=limits)
-
-
-def _storage_files(folder: Path) -> dict[str, Path]:
-    """Files of a folder that may hold cameras, by `left`, `right`, or their name."""
-    if not folder.is_dir():
-        return {}
-    found: dict[str, Path] = {}
-    for file in sorted(folder.iterdir()):
-        if file.suffix.lower() not in SUFFIXES or not file.is_file():
-            continue
-        eye = eye_of(file.stem)
-        if eye is not None:
-            found.setdefault(eye, file)
-        elif any(word in file.stem.lower() for word in _PAIR_WORDS):
-            found[file.name] = file
-    return found
-
-
-def _projection_files(folder: Path) -> dict[str, Path]:
-    """Text files of a folder that may hold projection matrices: one of both, or one for each eye.
-
-    Of a folder with more of them nothing is known.
-    """
-    named = [
-        file
-        for file in sorted(folder.glob("*.txt"))
-        if any(word in file.stem.lower() for word in _PROJECTION_WORDS) and file.is_file()
-    ]
-    eyes = {eye: file for file in named if (eye := eye_of(file.stem)) is not None}
-    if len(eyes) == len(named) == 2:
-        return {"left": eyes["left"], "right": eyes["right"]}
-    return {named[0].name: named[0]} if len(named) == 1 else {}
 
 
 def _is_projection(file: Path, limits: Limits) -> bool:

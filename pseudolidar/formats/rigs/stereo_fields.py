@@ -115,7 +115,8 @@ class StereoFields:
                 eye = option.alone(kind)
                 if eye is not None:
                     return of_eye(kind, eye)
-        return "cameras of a pair"
+        single = next((name for name in NAMES["K"] if name in self.nodes), None)
+        return "cameras of a pair" + (f", {self.shown[single]} is of one" if single else "")
 
     def node(self, kind: str, eye: int | None = None) -> Node | None:
         """The value of a kind of `NAMES` for an eye, or of `SHARED`; None where there is none."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Protocol, cast, get_args
 
-from pseudolidar.formats.rigs.rig_file import find_rig, read_any_rig
+from pseudolidar.formats.rigs.rig_file import read_any_rig
+from pseudolidar.formats.rigs.rig_folder import find_rig
 from pseudolidar.formats.rigs.rig_json import missing_rig
 from pseudolidar.formats.rigs.rig_reading import RigReading, RigUnit
 from pseudolidar.sources.aligned_rows import with_rows_aligned

@@ -16,7 +16,8 @@ from pseudolidar.errors import (
     VideoDamaged,
 )
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.rigs.rig_file import find_rig, read_any_rig
+from pseudolidar.formats.rigs.rig_file import read_any_rig
+from pseudolidar.formats.rigs.rig_folder import find_rig
 from pseudolidar.formats.rigs.rig_json import missing_rig
 from pseudolidar.formats.rigs.rig_reading import Pictures, RigReading, RigUnit
 from pseudolidar.formats.video.kind import video_kind

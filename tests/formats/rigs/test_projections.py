@@ -16,7 +16,8 @@ from pseudolidar.errors import (
     NotRectified,
     PseudolidarError,
 )
-from pseudolidar.formats.rigs.rig_file import find_rig, read_any_rig
+from pseudolidar.formats.rigs.rig_file import read_any_rig
+from pseudolidar.formats.rigs.rig_folder import find_rig
 
 SIZE = (1280, 960)
 K = np.array([[640.0, 0, 640], [0, 480, 480], [0, 0, 1]])
