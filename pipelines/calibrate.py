@@ -151,9 +151,10 @@ def views_of(looked: Looked, board: Board, pairs: BarePairs) -> tuple[Views, tup
             used.append(seen)
     both = [seen for seen in used if seen.left is not None and seen.right is not None]
     if len(both) < LEAST_VIEWS:
+        left, right = (sum(seen.eyes[eye] is not None for seen in used) for eye in range(2))
         raise BoardNotFound(
-            f"both eyes see the {board.name} in {len(both)} of {len(found)} pairs"
-            + "".join(f"; {note}" for note in looked.notes),
+            f"both eyes see the {board.name} in {len(both)} of {len(found)} pairs (left {left}, "
+            f"right {right})" + "".join(f"; {note}" for note in looked.notes),
             want=f"{LEAST_VIEWS} pairs or more, better 20",
             fix="Check --board: chessboards count inner corners, ChArUco boards squares. Take "
             "pictures in which both eyes see all of the board, sharp and lit evenly.",

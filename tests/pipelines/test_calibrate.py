@@ -210,7 +210,7 @@ def test_a_film_in_which_nothing_is_held_still_is_refused(film, tmp_path, capsys
     write_video(tmp_path / "both.mkv", [*wide, wide[0]], **LOSSLESS)
     assert main(command(tmp_path / "both.mkv", tmp_path / "rig.json")) == 3
     said = capsys.readouterr().err
-    assert "2 of 2 pairs; a film: 2 views taken of 5 frames" in said
+    assert "2 of 2 pairs (left 2, right 2); a film: 2 views taken of 5 frames" in said
     assert not (tmp_path / "rig.json").exists()
 
 

@@ -102,18 +102,19 @@ def _on_board(uv: Float64, tags: Int64, board: Board) -> Corners:
     import cv2
 
     names = april_ids(board)[tags]
-    points = board.points_m[:, :2]
-    best, least = Corners(np.zeros(0, np.int64), np.zeros((0, 2))), np.inf
+    points, side_px = board.points_m[:, :2], _side_px(uv)
+    best, most = Corners(np.zeros(0, np.int64), np.zeros((0, 2))), (0, 0.0)
     for turn in range(4):
         flat, at = np.roll(names, -turn, axis=1).ravel(), uv.reshape(-1, 2)
-        H = cv2.findHomography(points[flat], at, cv2.RANSAC, WRONG_WAY_SHARE * _side_px(uv))[0]
+        H = cv2.findHomography(points[flat], at, cv2.RANSAC, WRONG_WAY_SHARE * side_px)[0]
         if H is None:
             continue
         off = np.linalg.norm(cv2.perspectiveTransform(points[flat][None], H)[0] - at, axis=1)
-        if np.median(off) < least:
-            least = float(np.median(off))
-            near = off < max(ASTRAY_SHARE * _side_px(uv), 4 * least)
-            best = Corners(flat[near], at[near])
+        near = off < max(ASTRAY_SHARE * side_px, 4 * float(np.median(off)))
+        # A wrong way may fit half of the corners of a few tags as well as the right one fits all.
+        fits = int((off < ASTRAY_SHARE * side_px).sum()), -float(np.median(off))
+        if fits > most:
+            most, best = fits, Corners(flat[near], at[near])
     return best
 
 

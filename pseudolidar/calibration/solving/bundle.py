@@ -222,14 +222,27 @@ def _linearised(seen: Observations, state: State, weights: Float64) -> tuple[Flo
     return residuals, Normal(shared, between, poses, gradient, pose_gradient)
 
 
-def scores(seen: Observations, fit: Fit) -> Float64:
-    """(V, S) how each view pulls at what all share, its own pose being free."""
+def steps_without(seen: Observations, fit: Fit) -> Float64:
+    """(V, S) how what all share would change were a view not there, for each view."""
     size = _shared_size(fit.state)
-    pulls = np.zeros((len(seen), size))
+    pulls, informed = np.zeros((len(seen), size)), np.zeros((len(seen), size, size))
     for part in _jacobians(seen, fit.state, fit.weights):
-        pulls[:, part.columns] += np.einsum("vrs,vr->vs", part.by_shared, part.weighted)
-    back = np.linalg.solve(fit.normal.poses, fit.normal.pose_gradient[..., None])[..., 0]
-    return np.asarray(pulls - np.einsum("vsi,vi->vs", fit.normal.between, back))
+        by_shared = np.swapaxes(part.by_shared, 1, 2)
+        pulls[:, part.columns] += (by_shared @ part.weighted[..., None])[..., 0]
+        informed[:, part.columns[:, None], part.columns] += by_shared @ part.by_shared
+    # The pose of each view's board is free.
+    onto = fit.normal.between @ np.linalg.inv(fit.normal.poses)
+    pulls -= np.einsum("vsi,vi->vs", onto, fit.normal.pose_gradient)
+    informed -= np.einsum("vsi,vti->vst", onto, fit.normal.between)
+    every = fit.normal.reduced()
+    unit = 1.0 / np.sqrt(np.maximum(np.diag(every), 1e-12))
+    without = (every - informed) * unit * unit[:, None]
+    return np.stack(
+        [
+            unit * np.linalg.lstsq(rest, unit * pull, rcond=None)[0]
+            for rest, pull in zip(without, pulls, strict=True)
+        ]
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from pseudolidar.calibration.solving.lens_terms import Model
 from pseudolidar.calibration.solving.solve import Solution, Views
 from pseudolidar.calibration.solving.uncertainty import Uncertainty, uncertainty
 from pseudolidar.calibration.solving.verdict import Verdict, judge
+from pseudolidar.errors import CalibrationValue
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.quality import CalibrationQuality
 
@@ -85,7 +86,20 @@ def calibrate(
         CalibrationValue: no possible cameras follow from them.
     """
     models: tuple[Model, ...] = TRIED if model == "auto" else (model,)
-    chosen, every = choose(views, models, tried=tried)
-    sure = uncertainty(chosen.solution)
+    try:
+        chosen, every = choose(views, models, tried=tried)
+        sure = uncertainty(chosen.solution)
+    except CalibrationValue as error:
+        raise _of_views(error) from error
     both = int(views.seen.in_both.sum())
     return Calibration(chosen, every, sure, judge(chosen, sure, views=both))
+
+
+def _of_views(error: CalibrationValue) -> CalibrationValue:
+    """What is wrong with views of a board, where the error speaks of a calibration's file."""
+    return CalibrationValue(
+        f"no possible cameras follow from these views: {error.where}, {error.got}",
+        want=error.want,
+        fix="Tilt the board by 30 degrees to all sides, hold it near and far, with both pictures "
+        "of a pair of one moment. Check --board, and that left and right go together.",
+    )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pseudolidar.calibration.solving.bundle import POSE, scores
+from pseudolidar.calibration.solving.bundle import POSE, steps_without
 from pseudolidar.calibration.solving.lens_terms import INTRINSICS, parameters, project
 from pseudolidar.calibration.solving.robust import Cauchy
 from pseudolidar.calibration.solving.solve import Solution
@@ -21,6 +21,8 @@ DEPTHS_M = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 GRID = (7, 5)
 # Points within this share of the rectified picture: its outermost edge is extrapolated.
 WITHIN = 0.8
+# What is told by less than this share of what is told best is not told, but for rounding.
+LEAST_TOLD = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,31 +52,49 @@ def uncertainty(solution: Solution) -> Uncertainty:
     """Standard deviations from the Jacobian, with errors that the corners of a view share.
 
     Corners of one view err together (a board that moved, light, a bent board), so that views count
-    more than corners: how much more each camera and the pose between them is unsure than from
-    independent corners follows from how differently the views pull at them.
+    more than corners: how much more intrinsics, distortion, rotation and translation are unsure
+    than from independent corners follows from how they change without each of the views. Of few
+    views only the size of these changes is taken, their shape is the Jacobian's.
 
-    Source: Cameron and Miller, A practitioner's guide to cluster-robust inference, 2015, eq. 11-12
-    (their sandwich; of few views only its size is taken, its shape is the Jacobian's). Weights by
-    residuals: Huber and Ronchetti, Robust Statistics, 2009, eq. 7.81.
+    Source: Cameron and Miller, A practitioner's guide to cluster-robust inference, 2015, the
+    jackknife of section VI.B (CR3). Weights by residuals: Huber and Ronchetti, Robust Statistics,
+    2009, eq. 7.81.
     """
     fit, seen = solution.fit, solution.blocks.seen
     # With a residual also its weight changes: of Cauchy's, corners then count by their weight once
     # more.
     counted = float((fit.weights * Cauchy()(fit.residuals, seen)).sum() / fit.weights.sum())
-    inverse = np.linalg.pinv(counted * fit.normal.reduced(), hermitian=True)
-    pulls, views = scores(solution.blocks, fit), len(solution.blocks)
+    inverse, views = _inverse(counted * fit.normal.reduced()), len(solution.blocks)
     degrees = 2 * float(seen.sum()) - len(inverse) - POSE * views
     pulled = (fit.weights**2 * (fit.residuals**2).sum(axis=-1)).sum() / fit.weights.sum()
     variance = float(pulled) * float(seen.sum()) / max(degrees, 1.0)
     independent = inverse * (variance / counted)
-    sandwich = inverse @ (pulls.T @ pulls) @ inverse * (views / max(views - 1, 1))
-    ratios = np.diag(sandwich) / np.maximum(np.diag(independent), np.finfo(float).tiny)
-    n = parameters(solution.model)
+    changes = steps_without(solution.blocks, fit) / counted
+    jackknife = (views - 1) / views * (changes**2).sum(axis=0)
+    ratios = jackknife / np.maximum(np.diag(independent), np.finfo(float).tiny)
     grown = np.empty(len(inverse))
-    for part in (slice(0, n), slice(n, 2 * n), slice(2 * n, None)):
+    for part in _alike(parameters(solution.model)):
         grown[part] = np.sqrt(max(1.0, float(np.mean(ratios[part]))))
     covariance = independent * grown * grown[:, None]
     return _told(solution, covariance)
+
+
+def _alike(n: int) -> list[slice]:
+    """Unknowns that are of a kind: of two cameras with n each, and of the pose between them."""
+    cameras = [
+        slice(eye * n + begin, eye * n + end)
+        for eye in range(2)
+        for begin, end in ((0, INTRINSICS), (INTRINSICS, n))
+    ]
+    return [*cameras, slice(2 * n, 2 * n + 3), slice(2 * n + 3, None)]
+
+
+def _inverse(information: Float64) -> Float64:
+    """The covariance; what nothing tells (boards that were never tilted) gets a large one."""
+    unit = 1.0 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(information * unit * unit[:, None])
+    inverse = (vectors / np.maximum(values, LEAST_TOLD * values[-1])) @ vectors.T
+    return np.asarray(inverse * unit * unit[:, None])
 
 
 def _told(solution: Solution, covariance: Float64) -> Uncertainty:

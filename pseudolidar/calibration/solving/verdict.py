@@ -27,6 +27,8 @@ FOCAL, BASELINE = (0.005, 0.015), (0.005, 0.02)
 TILT_DEG = (20.0, 10.0)
 LEFT_OUT = (0.2, 0.4)
 AGREEING = (0.8, 0.5)
+# How a standard deviation is told that is a share of the value.
+SHARE = "to {:.2%}"
 
 
 @dataclass(frozen=True)
@@ -112,8 +114,8 @@ def judge(candidate: Candidate, sure: Uncertainty, *, views: int) -> Verdict:
             _above("pairs used", used, VIEWS, "{:.0f}", more),
             _above("covered", covered, COVERED, "{:.0%} of the pictures", hold),
             _above("tilt of the board", tilted, TILT_DEG, "{:.0f} degrees", tilt_more),
-            _below("focal length", focal, FOCAL, "to {:.2%}", tilt_more),
-            _below("baseline", baseline, BASELINE, "to {:.2%}", more),
+            _below("focal length", focal, FOCAL, SHARE, tilt_more),
+            _below("baseline", baseline, BASELINE, SHARE, more),
             _below("left out", left_out, LEFT_OUT, "{:.0%} of the pairs", still),
             _above("eyes agree", solution.agreeing, AGREEING, "in {:.0%} of the pairs", still),
         ),
@@ -154,4 +156,5 @@ def _above(name: str, value: float, limits: tuple[float, float], form: str, step
 
 def _graded(name: str, value: float, good: bool, fair: bool, form: str, step: str) -> Judgement:
     grade: Grade = "good" if good else "fair" if fair else "poor"
-    return Judgement(name, form.format(value), grade, "" if good else step)
+    said = "unknown" if form == SHARE and not value < 1 else form.format(value)
+    return Judgement(name, said, grade, "" if good else step)

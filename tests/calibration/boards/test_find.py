@@ -1,8 +1,10 @@
+import cv2
 import numpy as np
 import pytest
 
 from pseudolidar.calibration.boards.corners import Corners
 from pseudolidar.calibration.boards.find import find_board
+from pseudolidar.calibration.boards.markers import dictionary_of
 from pseudolidar.calibration.boards.refine import on_grid
 from pseudolidar.geometry.lens import Lens
 from tests.boards import board, fisheye_rig, picture, pinhole_rig, poses
@@ -83,3 +85,28 @@ def test_a_corner_that_cannot_be_found_is_left_out():
     _, sure = on_grid(seen, uv, 9, 6)
     assert not sure[20]
     assert sure.sum() >= 49
+
+
+def test_the_board_that_kalibr_prints_is_read_whatever_way_its_tags_are_turned():
+    made, cell = board("aprilgrid:3x2", 0.1), 12
+    tag, gap = 10 * cell, 3 * cell  # a border of two bits around six by six
+    pitch = tag + gap
+    flat = np.full((2 * pitch + gap, 3 * pitch + gap), 255, np.uint8)
+    for number, (row, column) in enumerate(((1, 0), (1, 1), (1, 2), (0, 0), (0, 1), (0, 2))):
+        cells = cv2.aruco.generateImageMarker(dictionary_of(made), number, tag, borderBits=2)
+        y, x = row * pitch + gap, column * pitch + gap
+        flat[y : y + tag, x : x + tag] = np.rot90(cells, 3)
+    for y, x in np.ndindex(3, 4):
+        flat[y * pitch : y * pitch + gap, x * pitch : x * pitch + gap] = 0
+    flat = np.pad(flat, gap, constant_values=255)
+    height, width = flat.shape
+    frame = np.float32([[0, 0], [width, 0], [width, height], [0, height]])
+    seen_at = np.float32([[30, 20], [350, 40], [330, 270], [50, 250]])
+    H = cv2.getPerspectiveTransform(frame, seen_at)
+    seen = cv2.warpPerspective(cv2.GaussianBlur(flat, (0, 0), 1.0), H, (400, 300), borderValue=90)
+    found = find_board(seen, made)
+    assert found is not None
+    assert len(found) == 24
+    at = made.points_m[:, :2] * tag / made.square_m + 2 * gap - 0.5
+    uv = cv2.perspectiveTransform(at[None], H)[0]
+    assert np.linalg.norm(found.uv - uv[found.ids], axis=1).max() < 0.1

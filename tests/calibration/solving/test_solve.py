@@ -15,7 +15,7 @@ from pseudolidar.calibration.solving.observations import Observations
 from pseudolidar.calibration.solving.solve import Views, rig_of, solve
 from pseudolidar.calibration.solving.stereo import solve_pair
 from pseudolidar.calibration.solving.uncertainty import uncertainty
-from pseudolidar.errors import BoardNotFound
+from pseudolidar.errors import BoardNotFound, CalibrationValue
 from pseudolidar.geometry.lens import Lens
 from pseudolidar.geometry.rectification import rectification
 from pseudolidar.geometry.twists import exp_twist
@@ -178,6 +178,31 @@ def test_standard_deviations_are_those_of_many_repetitions():
     assert (ratio < 2.0).all()
 
 
+def test_standard_deviations_know_errors_that_the_corners_of_a_view_share():
+    rig = pinhole_rig()
+    first = solve(views(rig, BOARD, pairs(rig, BOARD, 12)), "pinhole")
+    rng, count = np.random.default_rng(7), len(first.blocks)
+    exact = first.blocks.uv + np.where(first.blocks.seen[..., None], first.fit.residuals, 0)
+    middle = exact.mean(axis=2, keepdims=True)
+    places = (exact - middle) / 320.0
+    ratios = []
+    for _ in range(16):
+        bent = rng.normal(scale=1.0, size=(count, 2, 2, 2))
+        shared = np.einsum("veij,venj->veni", bent, places**2)
+        noisy = exact + shared + rng.normal(scale=NOISE_PX, size=exact.shape)
+        blocks = replace(first.blocks, uv=noisy)
+        fit = solve_pair(blocks, first.fit.state)
+        sure, off = uncertainty(replace(first, fit=fit, blocks=blocks)), []
+        for camera, told, truth in zip(
+            fit.state.cameras, (sure.left, sure.right), (rig.left, rig.right), strict=True
+        ):
+            K = truth.K
+            off += list((camera[:4] - [K[0, 0], K[1, 1], K[0, 2], K[1, 2]]) / told.intrinsics_px)
+        ratios.append(off)
+    # In standard deviations that are told: 1 where they are honest, 3 were corners independent.
+    assert 0.7 < np.sqrt(np.mean(np.square(ratios))) < 1.4
+
+
 def test_expected_depth_errors_are_those_of_many_repetitions():
     rig = pinhole_rig()
     first = solve(views(rig, BOARD, pairs(rig, BOARD, 15)), "pinhole")
@@ -216,6 +241,18 @@ def _triangulated(rig, pixels):
     return 0.5 * (a * along[:, None] + centre + b * back[:, None])
 
 
+def test_boards_that_are_never_tilted_or_moved_lead_to_no_cameras():
+    rig = pinhole_rig()
+    flat = _frontal(0)
+    seen = []
+    for n in range(8):
+        T = flat.copy()
+        T[:2, 3] += [0.03 * (n % 3 - 1), 0.03 * (n // 3 - 1)]
+        seen.append([*seen_by(rig, BOARD, T, Seeing(NOISE_PX, n))])
+    with pytest.raises(CalibrationValue, match=r"these views.*Tilt the board"):
+        calibrate(views(rig, BOARD, seen), "pinhole")
+
+
 def test_a_good_set_is_called_good_and_poor_ones_poor_with_what_to_do():
     rig = pinhole_rig()
     good = calibrate(views(rig, BOARD, pairs(rig, BOARD, 18, near=1.0)), "pinhole")
@@ -225,6 +262,8 @@ def test_a_good_set_is_called_good_and_poor_ones_poor_with_what_to_do():
     poor = calibrate(views(rig, BOARD, frontal), "pinhole")
     assert poor.verdict.grade == "poor"
     assert any("Tilt the board" in step for step in poor.verdict.steps)
+    # Nothing tells focal length from distance; that is not told as certainty.
+    assert (poor.sure.left.intrinsics_px[:2] > 0.02 * poor.rig.left.focal_px).all()
     noisy = calibrate(views(rig, BOARD, pairs(rig, BOARD, 10, noise_px=1.5)), "pinhole")
     assert noisy.verdict.grade == "poor"
     assert "rows of held-out views" in str(noisy.verdict)
