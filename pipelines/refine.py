@@ -148,7 +148,10 @@ def opened(job: Refine) -> FrameSource:
 def mounted(rig: StereoRig, source: FrameSource) -> StereoRig:
     """A refined rig as the source takes it: where it rectifies, its cameras as they are mounted."""
     raw = raw_rig(source)
-    return rig if raw is None else replace(raw, rows=rig.rows, correction=rig.correction)
+    if raw is None:
+        return rig
+    pitch_rad = rig.lidar_pitch_rad - raw.lidar_pitch_rad
+    return replace(raw.with_lidar_raised(pitch_rad), rows=rig.rows, correction=rig.correction)
 
 
 @dataclass(frozen=True, eq=False)

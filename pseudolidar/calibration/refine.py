@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.calibration.refine_fit import (
+    CORRECTION_TERMS,
+    PITCH,
     block_medians,
     coefficients,
     covariance_inside_frames,
     residual,
     some_of,
 )
-from pseudolidar.calibration.refine_terms import Choice, choose_terms, parts_of
+from pseudolidar.calibration.refine_terms import Choice, choose_terms, parts_of, tells_pitch
 from pseudolidar.errors import CalibrationValue
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.correction import DisparityCorrection, SigmaScale
@@ -27,6 +29,8 @@ MIN_SAMPLES = 500
 MAX_SAMPLES = 100_000
 # A single frame cannot show how frames differ; KITTI frames drift by 0.1-0.2 px against each other.
 ONE_FRAME_RESIDUAL_PX = 0.2
+# A pitch of the LiDAR that is smaller than so many of its standard deviations is none.
+PITCH_SIGMAS = 2.0
 # Disparities that have a factor on sigma of their own, px: octaves.
 SIGMA_BANDS_PX = (8.0, 16.0, 32.0)
 # A matcher is not taken to be surer than this share of its sigma, whatever the systematic error
@@ -43,12 +47,21 @@ class Refinement:
         choice: the terms that were tried.
         samples: pixels that were used.
         frames: of so many frames.
+        lidar_pitch_rad: how far the LiDAR of the reference is placed pitched down too much.
+        lidar_pitch_sigma_rad: one standard deviation of that.
     """
 
     correction: DisparityCorrection
     choice: Choice
     samples: int
     frames: int
+    lidar_pitch_rad: float
+    lidar_pitch_sigma_rad: float
+
+    @property
+    def corrects(self) -> bool:
+        """Whether there is anything that the correction takes off."""
+        return bool(self.correction.coefficients.any())
 
 
 def fit(samples: DisparitySamples, *, origin: str = "") -> DisparityCorrection:
@@ -92,18 +105,26 @@ def refined(
             where="correction",
         )
     thinned = some_of(samples, MAX_SAMPLES)
-    choice = choose_terms(thinned)
-    found = coefficients(thinned, choice.chosen.terms)
-    held = _HeldOut.of(thinned, choice.chosen.terms, found)
+    choice, found, held = _solved(thinned, pitch=tells_pitch(thinned))
+    if abs(found[PITCH]) < PITCH_SIGMAS * np.sqrt(held.covariance[PITCH, PITCH]):
+        choice, found, held = _solved(thinned, pitch=False)
+    rig = slice(CORRECTION_TERMS)
     correction = DisparityCorrection(
-        found,
+        found[rig],
         held.residual_px,
         origin or f"{len(samples)} samples of {frames} frames",
         held.sigma_scale,
-        held.covariance,
+        held.covariance[rig, rig],
         fitted_m,
     )
-    return Refinement(correction, choice, len(samples), frames)
+    pitch_rad = found[PITCH] / 1000.0, np.sqrt(held.covariance[PITCH, PITCH]) / 1000.0
+    return Refinement(correction, choice, len(samples), frames, *map(float, pitch_rad))
+
+
+def _solved(samples: DisparitySamples, *, pitch: bool) -> tuple[Choice, Float64, _HeldOut]:
+    choice = choose_terms(samples, pitch=pitch)
+    found = coefficients(samples, choice.chosen.terms)
+    return choice, found, _HeldOut.of(samples, choice.chosen.terms, found)
 
 
 def _usable(samples: DisparitySamples) -> DisparitySamples:
@@ -121,7 +142,7 @@ class _HeldOut:
     Args:
         residual_px: systematic error left, one standard deviation.
         sigma_scale: factors on the matcher's sigma.
-        covariance: (8, 8) of the coefficients, by the jackknife.
+        covariance: (9, 9) of the coefficients, by the jackknife.
     """
 
     residual_px: float
@@ -130,7 +151,7 @@ class _HeldOut:
 
     @classmethod
     def of(cls, samples: DisparitySamples, terms: tuple[int, ...], whole: Float64) -> _HeldOut:
-        """Fit without each part in turn; `whole` (8,) is the fit to all.
+        """Fit without each part in turn; `whole` (9,) is the fit to all.
 
         A few frames look more alike than the frames to come, so that n of them show too little of
         what differs: by 1 + 1/n (measured on KITTI stereo 2015: fits to 1, 3, 5 and 11 frames,
@@ -160,7 +181,7 @@ class _HeldOut:
 
 
 def _larger_covariance(one: Float64, least: Float64, terms: tuple[int, ...]) -> Float64:
-    """(8, 8) `one`, widened to `least` in every direction of the terms where it is narrower."""
+    """(9, 9) `one`, widened to `least` in every direction of the terms where it is narrower."""
     covariance = np.zeros_like(one)
     if not terms:
         return covariance

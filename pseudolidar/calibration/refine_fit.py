@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pseudolidar.structures.arrays import Float64, Int64
+from pseudolidar.structures.arrays import Bool, Float64, Int64
 from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
 from pseudolidar.structures.samples import DisparitySamples
@@ -17,14 +17,24 @@ from pseudolidar.structures.samples import DisparitySamples
 CAUCHY_PER_SIGMA = 0.55
 # Noise below this is numerical, px; it keeps the weights defined on perfect data.
 MIN_SCALE_PX = 1e-3
-# How large the coefficients of a rig are expected to be, one standard deviation, px (KITTI 0.5-1).
+# How large the coefficients of a rig are expected to be, one standard deviation, px (KITTI 0.5-1),
+# and the pitch of a LiDAR that its calibration left, mrad.
 PRIOR_PX = 1.0
+# Terms of a fit: those of the correction, then the pitch that the LiDAR of the reference has beyond
+# what is known, mrad. Where it looks too low, what rises from the ground towards the camera seems
+# nearer than the reference and what stands upright does not.
+CORRECTION_TERMS = 8
+PITCH = CORRECTION_TERMS
+TERMS = CORRECTION_TERMS + 1
 # Errors of neighbouring pixels are correlated: a frame is taken to tell as much as so many
 # independent ones, those of patches of about 50 x 50 px in the half of a KITTI image with truth.
 INDEPENDENT_PER_FRAME = 100
 MAX_ITERATIONS, CONVERGED_PX = 50, 1e-4
 # Medians of blocks of a frame: columns of the image times bands of disparity, px.
 BLOCK_COLUMNS, BLOCK_BANDS_PX = 4, (0.0, 10.0, 20.0, 40.0, np.inf)
+# What rises towards the camera, as the ground does, and what stands upright are blocks of their
+# own: px a mrad of pitch that divides them (ground of KITTI: 0.23).
+RISES_PER_PITCH = 0.1
 # Samples that a block must have: a fair share of its frame's, within these; a median of 20 errors
 # of 0.4 px is known to 0.1 px, one of 200 to 0.04.
 FEWEST_BLOCK_SAMPLES, ENOUGH_BLOCK_SAMPLES = 20, 200
@@ -41,12 +51,12 @@ def some_of(samples: DisparitySamples, most: int) -> DisparitySamples:
 def coefficients(
     samples: DisparitySamples, terms: tuple[int, ...], *, start: Float64 | None = None
 ) -> Float64:
-    """(8,) most likely coefficients where errors are Cauchy-distributed, wide as sigma says.
+    """(9,) most likely coefficients where errors are Cauchy-distributed, wide as sigma says.
 
     Args:
         samples: at least one.
         terms: the features that may be used; the coefficients of all others are 0.
-        start: (8,) where to begin, of similar samples: saves iterations and changes nothing else.
+        start: (9,) where to begin, of similar samples: saves iterations and changes nothing else.
     """
     return _solved(samples, terms, start)[0]
 
@@ -54,7 +64,7 @@ def coefficients(
 def covariance_inside_frames(
     samples: DisparitySamples, terms: tuple[int, ...], fitted: Float64
 ) -> Float64:
-    """(8, 8) px^2 of the coefficients `fitted` (8,), by the noise inside the frames alone.
+    """(9, 9) px^2 of the coefficients `fitted` (9,), by the noise inside the frames alone.
 
     A frame counts as `INDEPENDENT_PER_FRAME` samples, however many it has.
     """
@@ -64,7 +74,7 @@ def covariance_inside_frames(
 def _solved(
     samples: DisparitySamples, terms: tuple[int, ...], start: Float64 | None
 ) -> tuple[Float64, Float64]:
-    found, spread_of_found = np.zeros(8), np.zeros((8, 8))
+    found, spread_of_found = np.zeros(TERMS), np.zeros((TERMS, TERMS))
     if not terms:
         return found, spread_of_found
     features = np.ascontiguousarray(_features(samples)[:, terms].T)
@@ -97,7 +107,7 @@ def _solved(
 
 
 def residual(samples: DisparitySamples, fitted: Float64) -> Float64:
-    """(N,) px, errors that are left with the coefficients `fitted` (8,)."""
+    """(N,) px, errors that are left with the coefficients `fitted` (9,)."""
     fitted_px = np.einsum("ni,i->n", _features(samples), fitted)
     return np.asarray(samples.measured - fitted_px - samples.reference)
 
@@ -105,6 +115,13 @@ def residual(samples: DisparitySamples, fitted: Float64) -> Float64:
 def block_columns(samples: DisparitySamples) -> Int64:
     """(N,) quarter of the image that each sample lies in."""
     return (samples.u * BLOCK_COLUMNS / samples.size_px[0]).astype(np.int64)
+
+
+def rising(samples: DisparitySamples) -> Bool:
+    """(N,) samples of what rises towards the camera; none where nothing is known of it."""
+    if samples.per_pitch is None:
+        return np.zeros(len(samples), np.bool_)
+    return np.asarray(np.abs(samples.per_pitch) > RISES_PER_PITCH)
 
 
 def block_medians(samples: DisparitySamples, fitted: Float64) -> Iterator[float]:
@@ -116,7 +133,7 @@ def block_medians(samples: DisparitySamples, fitted: Float64) -> Iterator[float]
     weight = np.ones_like(left) if samples.sigma is None else samples.sigma**-2.0
     band = np.digitize(samples.reference, BLOCK_BANDS_PX)
     block = samples.frame * BLOCK_COLUMNS + block_columns(samples)
-    block = block * (len(BLOCK_BANDS_PX) + 1) + band
+    block = 2 * (block * (len(BLOCK_BANDS_PX) + 1) + band) + rising(samples)
     share = len(samples) / len(np.unique(samples.frame)) / BLOCK_COLUMNS / (len(BLOCK_BANDS_PX) - 1)
     enough = min(max(share, FEWEST_BLOCK_SAMPLES), ENOUGH_BLOCK_SAMPLES)
     order = np.argsort(block, kind="stable")
@@ -133,4 +150,7 @@ def _weighted_median(values: Float64, weights: Float64) -> float:
 
 
 def _features(samples: DisparitySamples) -> Float64:
-    return DisparityCorrection.features(samples.measured, samples.u, samples.v, samples.size_px)
+    """(N, 9): what errors are made of, for a coefficient of 1 each."""
+    rig = DisparityCorrection.features(samples.measured, samples.u, samples.v, samples.size_px)
+    pitch = np.zeros(len(samples)) if samples.per_pitch is None else samples.per_pitch
+    return np.column_stack([rig, pitch])

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from pseudolidar.calibration.refine_fit import (
+    PITCH,
     block_columns,
     block_medians,
     coefficients,
+    rising,
     some_of,
 )
 from pseudolidar.structures.arrays import Float64, Int64
@@ -39,8 +41,12 @@ ALIKE_SIGMAS, ALIKE_PX = 1.0, 0.005
 # samples, and largest disparity over smallest, likewise.
 MIN_COLUMNS, MIN_ROWS, MIN_DISPARITIES = 0.5, 0.3, 2.0
 OUTER = (0.05, 0.95)
-# All eight terms want this many frames: fewer see too few places with too few disparities.
-MIN_FRAMES_FOR_ALL = 3
+# All eight terms and the pitch of a LiDAR want this many frames: fewer see too few places with too
+# few disparities, and the pitch of KITTI's differs by 0.03 degrees from frame to frame.
+MIN_FRAMES_FOR_MORE = 3
+# The pitch of a LiDAR is seen where this share of the samples or more rises towards the camera, and
+# as many do not.
+MIN_RISING = 0.1
 
 
 @dataclass(frozen=True)
@@ -89,13 +95,21 @@ def parts_of(samples: DisparitySamples) -> Int64:
     return np.asarray(part % max(2, min(FOLDS, int(part.max()) + 1)), np.int64)
 
 
-def choose_terms(samples: DisparitySamples) -> Choice:
-    """The simplest set of terms that is as good as the best one on parts outside the fit."""
+def choose_terms(samples: DisparitySamples, *, pitch: bool) -> Choice:
+    """The simplest set of terms that is as good as the best one on parts outside the fit.
+
+    Args:
+        samples: of several frames where more than an offset is wanted.
+        pitch: beside every set, the pitch of the LiDAR that the reference is of.
+    """
     part = parts_of(samples)
     tried: list[tuple[Candidate, Float64]] = []
     candidates: list[Candidate] = []
-    for name, terms in LADDER:
-        refused = _not_carried(samples, part, terms)
+    for rig_name, rig_terms in LADDER:
+        name, terms = rig_name, rig_terms
+        if pitch:
+            name, terms = f"{rig_name}; pitch of the LiDAR", (*rig_terms, PITCH)
+        refused = _not_carried(samples, part, rig_terms)
         if refused:
             candidates.append(Candidate(name, terms, None, refused))
             continue
@@ -105,6 +119,14 @@ def choose_terms(samples: DisparitySamples) -> Choice:
     best = min(tried, key=lambda pair: float(pair[1].mean()))[1]
     chosen = next(candidate for candidate, left in tried if _alike(left, best))
     return Choice(chosen, tuple(candidates))
+
+
+def tells_pitch(samples: DisparitySamples) -> bool:
+    """Whether the samples of several frames show a ground and things that stand on it."""
+    frames = len(np.unique(samples.frame))
+    if samples.per_pitch is None or frames < MIN_FRAMES_FOR_MORE:
+        return False
+    return MIN_RISING <= float(rising(samples).mean()) <= 1 - MIN_RISING
 
 
 def _alike(left: Float64, best: Float64) -> bool:
@@ -145,6 +167,6 @@ def _not_carried(samples: DisparitySamples, part: Int64, terms: tuple[int, ...])
         return f"tilt and vergence need {MIN_COLUMNS:.0%} of the width; {columns:.0%} is covered"
     if {Y, YY} & set(terms) and rows < MIN_ROWS:
         return f"tilt needs {MIN_ROWS:.0%} of the height; {rows:.0%} is covered"
-    if len(terms) == len(LADDER[-1][1]) and frames < MIN_FRAMES_FOR_ALL:
-        return f"all terms need {MIN_FRAMES_FOR_ALL} frames; there are {frames}"
+    if len(terms) == len(LADDER[-1][1]) and frames < MIN_FRAMES_FOR_MORE:
+        return f"all terms need {MIN_FRAMES_FOR_MORE} frames; there are {frames}"
     return ""

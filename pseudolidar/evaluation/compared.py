@@ -18,6 +18,7 @@ from pseudolidar.geometry.triangulation import (
 )
 from pseudolidar.structures.arrays import Bool, Float64, Int64
 from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.samples import DisparitySamples
@@ -92,6 +93,27 @@ class ComparedFrame:
         scale = self.rig.sigma_scale.at(self.disparity_px)
         return total_sigma(self.sigma_px, self.rig.systematic_sigma_px, scale=scale)
 
+    @property
+    def per_pitch(self) -> Float64:
+        """(N,) px by which the reference is too small for each mrad that its LiDAR looks too low.
+
+        It then calls for the disparity of a place that lies higher in the picture. 0 by edges.
+        """
+        focal_px, centre_px = self.rig.left.K[1, 1:]
+        y = (self.v - centre_px) / focal_px
+        return np.asarray(np.nan_to_num(self.slope[:, 1]) * focal_px * (1.0 + y * y) / 1000.0)
+
+    def with_correction(self, correction: DisparityCorrection | None) -> ComparedFrame:
+        """The same by another correction of the rig."""
+        return replace(self, rig=self.rig.with_correction(correction))
+
+    def raised(self, pitch_rad: float) -> ComparedFrame:
+        """As against a LiDAR raised by a small angle: references follow the slopes about them."""
+        if not pitch_rad:
+            return self
+        reference_px = self.reference_px + 1000.0 * pitch_rad * self.per_pitch
+        return replace(self, reference_m=depth_from_disparity(reference_px, self.u, self.rig))
+
     def thinned(self, most: int) -> ComparedFrame:
         """At most so many of the points, evenly spread over the image."""
         return self.every(max(1, -(-len(self) // most)))
@@ -121,6 +143,7 @@ class ComparedFrame:
             frame=np.full(int(matched.sum()), number, np.int64),
             size_px=self.rig.left.size_px,
             sigma=None if self.sigma_px is None else self.sigma_px[matched],
+            per_pitch=self.per_pitch[matched] if self.kind == "scan" else None,
         )
 
 
@@ -213,12 +236,14 @@ def _slope(disparity: DisparityMap, column: Int64, row: Int64, axis: tuple[int, 
     height, width = disparity.values.shape
 
     def at(steps: int) -> Float64:
-        u = np.clip(column + steps * axis[0], 0, width - 1)
-        v = np.clip(row + steps * axis[1], 0, height - 1)
-        return disparity.values[v, u].astype(np.float64)
+        u, v = column + steps * axis[0], row + steps * axis[1]
+        inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
+        found = disparity.values[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)]
+        return np.where(inside, found.astype(np.float64), np.nan)
 
-    before, middle, after = at(-SLOPE_PX), at(0), at(SLOPE_PX)
-    smooth = np.maximum(np.abs(after - middle), np.abs(middle - before)) < STEEPEST * SLOPE_PX
-    inside = (column >= SLOPE_PX) & (column < width - SLOPE_PX)
-    inside &= (row >= SLOPE_PX) & (row < height - SLOPE_PX)
-    return np.where(smooth & inside, (after - before) / (2 * SLOPE_PX), np.nan)
+    sides = np.stack([at(SLOPE_PX) - at(0), at(0) - at(-SLOPE_PX)]) / SLOPE_PX
+    sides[np.abs(sides) >= STEEPEST] = np.nan
+    known = np.isfinite(sides)
+    total = np.where(known, sides, 0.0).sum(axis=0)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(total / known.sum(axis=0))

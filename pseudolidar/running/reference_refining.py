@@ -25,7 +25,7 @@ from pseudolidar.running.table import table_text
 from pseudolidar.sources.source import FrameSource
 from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.structures.camera import StereoRig
-from pseudolidar.structures.correction import DisparityCorrection, RowCorrection
+from pseudolidar.structures.correction import RowCorrection
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.samples import DisparitySamples
 
@@ -131,7 +131,7 @@ class ReferenceRefinement:
     @property
     def changed(self) -> bool:
         """Whether there is anything to be stored."""
-        return bool(self.refinement.choice.chosen.terms)
+        return self.refinement.corrects or bool(self.refinement.lidar_pitch_rad)
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -157,6 +157,10 @@ class ReferenceRefinement:
             f"correction: {found.choice.chosen.name}; leaves {correction.residual_px:.2f} px; "
             f"sigma of the matcher times {correction.sigma_scale}"
         )
+        if found.lidar_pitch_rad:
+            lines.append(
+                f"pitch of the LiDAR: its scans lie {_pitch_text(found)} too low, and are raised"
+            )
         lines.append(self._far)
         lines.append(self._table())
         if self.after is None:
@@ -218,6 +222,8 @@ class ReferenceRefinement:
                     {"at_m": z, "rel": rel} for z, rel in self.systematic_rel.items()
                 ],
             },
+            "lidar_pitch_deg": float(np.rad2deg(self.refinement.lidar_pitch_rad)),
+            "lidar_pitch_sigma_deg": float(np.rad2deg(self.refinement.lidar_pitch_sigma_rad)),
             "candidates": [each.as_dict() for each in self.refinement.choice.candidates],
             "samples": self.refinement.samples,
             "frames": self.refinement.frames,
@@ -275,11 +281,12 @@ def refined_by_reference(
             fix="Take another source, or fit to the motion of a sequence: --by motion.",
             path=source.summary.path,
         )
-    stock = [_corrected(each, None) for each in compared]
+    stock = [each.with_correction(None) for each in compared]
     fitted_m = _fitted_m(stock)
     found = refined(_samples(stock), origin=_origin(source, stock), fitted_m=fitted_m)
+    rig = source.rig.with_correction(found.correction if found.corrects else None)
     return ReferenceRefinement(
-        rig=source.rig.with_correction(found.correction if found.choice.chosen.terms else None),
+        rig=rig.with_lidar_raised(found.lidar_pitch_rad),
         refinement=found,
         before=Judged.of(compared),
         after=_on_frames_left_out(stock),
@@ -322,18 +329,19 @@ def _on_frames_left_out(frames: Sequence[ComparedFrame]) -> Judged | None:
     for turn in range(turns):
         others = [frame for i, frame in enumerate(frames) if i % turns != turn]
         try:
-            correction = refined(_samples(others)).correction
+            found = refined(_samples(others))
         except PseudolidarError:
             return None  # too few points without them
         judged += [
-            replace(frame, rig=frame.rig.with_correction(correction))
+            frame.with_correction(found.correction).raised(found.lidar_pitch_rad)
             for frame in frames[turn::turns]
         ]
     return Judged.of(judged)
 
 
-def _corrected(frame: ComparedFrame, correction: DisparityCorrection | None) -> ComparedFrame:
-    return replace(frame, rig=frame.rig.with_correction(correction))
+def _pitch_text(found: Refinement) -> str:
+    pitch, sigma = np.rad2deg([found.lidar_pitch_rad, found.lidar_pitch_sigma_rad])
+    return f"{pitch:.3f} +- {sigma:.3f} degrees"
 
 
 def _cells(judged: Judged) -> tuple[str, ...]:

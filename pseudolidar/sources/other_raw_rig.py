@@ -55,7 +55,7 @@ def with_raw_rig(
     if rig.metric:  # where lengths are no metres, nothing that is measured in them has a place
         mounted = replace(
             rig,
-            T_left_velodyne=own.T_left_velodyne or rig.T_left_velodyne,
+            T_left_velodyne=rig.lidar_of(own),
             T_velodyne_imu=own.T_velodyne_imu or rig.T_velodyne_imu,
         )
     said = f"rig: {rig.origin or 'given'}, instead of {own.origin or 'that of the source'}"

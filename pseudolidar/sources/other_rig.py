@@ -138,7 +138,8 @@ def with_rig(
 ) -> RiggedSource:
     """The source with the cameras, baseline and correction of `rig`.
 
-    Velodyne, IMU and poses stay those of the source; where it has none, those of `rig` count.
+    Velodyne, IMU and poses stay those of the source, but for the pitch of the Velodyne that `rig`
+    knows of; where the source has none, those of `rig` count.
 
     Args:
         source: the source.
@@ -201,7 +202,7 @@ class RiggedSource(SourceOver):
         rig = fitting_rig(self.given, own.left.size_px, scale_calibration=self.scale_calibration)
         return replace(
             rig,
-            T_left_velodyne=own.T_left_velodyne or rig.T_left_velodyne,
+            T_left_velodyne=rig.lidar_of(own),
             T_velodyne_imu=own.T_velodyne_imu or rig.T_velodyne_imu,
         )
 

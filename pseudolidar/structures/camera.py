@@ -137,6 +137,9 @@ class StereoRig:
             they load a pair; the rig of such a frame has none.
         origin: where the calibration comes from, in words.
         quality: how good the calibration is, where it tells.
+        lidar_pitch_rad: by how much the calibration of a LiDAR to the left camera places its scans
+            pitched down too far. Sources with this rig raise their LiDAR by it; `T_left_velodyne`
+            of this rig is raised already.
         metric: whether lengths are metres. Those of a rig found from pictures alone, and of all
             that is measured with it, are in a unit that nobody knows.
 
@@ -154,6 +157,7 @@ class StereoRig:
     rows: RowCorrection | None = None
     quality: CalibrationQuality | None = None
     metric: bool = True
+    lidar_pitch_rad: float = 0.0
 
     def __post_init__(self) -> None:
         t_m = self.T_right_left.translation_m
@@ -275,6 +279,18 @@ class StereoRig:
         """The same rig with another disparity correction."""
         return replace(self, correction=correction)
 
+    def with_lidar_raised(self, pitch_rad: float) -> StereoRig:
+        """The same rig with its LiDAR, if there is one, pitched up by so much more."""
+        T_left_velodyne = self.T_left_velodyne and raised(self.T_left_velodyne, pitch_rad)
+        pitch_rad += self.lidar_pitch_rad
+        return replace(self, T_left_velodyne=T_left_velodyne, lidar_pitch_rad=pitch_rad)
+
+    def lidar_of(self, own: StereoRig) -> Pose | None:
+        """`T_left_velodyne` on a source whose own rig is `own`: its LiDAR raised, or this."""
+        if own.T_left_velodyne is None:
+            return self.T_left_velodyne
+        return raised(own.T_left_velodyne, self.lidar_pitch_rad)
+
     def with_rows(self, rows: RowCorrection | None) -> StereoRig:
         """The same rig with another row correction."""
         return replace(self, rows=rows)
@@ -303,6 +319,16 @@ class StereoRig:
             rows=self.rows and self.rows.scaled(y_ratio),
             quality=self.quality and self.quality.scaled(x_ratio, y_ratio),
         )
+
+
+def raised(T_left_lidar: Pose, pitch_rad: float) -> Pose:
+    """The pose with everything turned up about the left camera's x axis."""
+    if not pitch_rad:
+        return T_left_lidar
+    c, s = np.cos(pitch_rad), np.sin(pitch_rad)
+    up = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    left = T_left_lidar.dst
+    return Pose.from_rotation(left, left, up, np.zeros(3)) @ T_left_lidar
 
 
 def _scaled(camera: Camera, width_px: int, height_px: int) -> Camera:

@@ -24,6 +24,8 @@ class DisparitySamples:
         frame: (N,) int64 number of the frame that each sample comes from.
         size_px: (width, height) of the images.
         sigma: (N,) float64 px, one standard deviation as the matcher estimates it, or None.
+        per_pitch: (N,) float64 px, by how much too small the reference is for each mrad that its
+            LiDAR is placed pitched too far down; None where it is of no LiDAR.
     """
 
     measured: Float64
@@ -33,10 +35,11 @@ class DisparitySamples:
     frame: Int64
     size_px: tuple[int, int]
     sigma: Float64 | None = None
+    per_pitch: Float64 | None = None
 
     def __post_init__(self) -> None:
         check_array("DisparitySamples", "measured", self.measured, (None,), np.float64)
-        for name in ("reference", "u", "v", "sigma"):
+        for name in ("reference", "u", "v", "sigma", "per_pitch"):
             column = getattr(self, name)
             if column is not None:
                 check_array("DisparitySamples", name, column, self.measured.shape, np.float64)
@@ -55,6 +58,7 @@ class DisparitySamples:
             v=self.v[index],
             frame=self.frame[index],
             sigma=None if self.sigma is None else self.sigma[index],
+            per_pitch=None if self.per_pitch is None else self.per_pitch[index],
         )
 
     @classmethod
@@ -88,8 +92,8 @@ class DisparitySamples:
     def concatenate(cls, parts: Sequence[DisparitySamples]) -> DisparitySamples:
         """All samples of `parts` in order, as seen in images of the size of the first.
 
-        Columns and rows of images of other sizes are stretched to it. Sigma stays only where all
-        parts have it.
+        Columns and rows of images of other sizes are stretched to it. Sigma and what a pitch does
+        stay only where all parts have them.
 
         Raises:
             StructureError: no parts.
@@ -97,7 +101,6 @@ class DisparitySamples:
         if not parts:
             raise StructureError("no samples", want="one part or more", where="DisparitySamples")
         size_px = parts[0].size_px
-        sigmas = [part.sigma for part in parts if part.sigma is not None]
         return cls(
             measured=np.concatenate([part.measured for part in parts]),
             reference=np.concatenate([part.reference for part in parts]),
@@ -105,8 +108,14 @@ class DisparitySamples:
             v=np.concatenate([_stretched(p.v, p.size_px[1], size_px[1]) for p in parts]),
             frame=np.concatenate([part.frame for part in parts]),
             size_px=size_px,
-            sigma=np.concatenate(sigmas) if len(sigmas) == len(parts) else None,
+            sigma=_joined([part.sigma for part in parts]),
+            per_pitch=_joined([part.per_pitch for part in parts]),
         )
+
+
+def _joined(columns: Sequence[Float64 | None]) -> Float64 | None:
+    known = [column for column in columns if column is not None]
+    return np.concatenate(known) if len(known) == len(columns) else None
 
 
 def _stretched(coordinate: Float64, size_px: int, to_px: int) -> Float64:

@@ -202,3 +202,47 @@ def test_noise_of_disparities_does_not_bend_the_far_range():
     octave = np.log2(reference / 3.0).astype(int)
     for number in range(5):
         assert abs(np.median((measured - offset - reference)[octave == number])) < 0.03
+
+
+PITCH_MRAD = 0.8
+
+
+def with_pitch(data: DisparitySamples, *, upright: float = 0.4, seed=3) -> DisparitySamples:
+    """The same against a LiDAR that looks too low; a share of the samples stands upright."""
+    per_pitch = np.where(np.random.default_rng(seed).random(len(data)) < upright, 0.0, 0.23)
+    reference = data.reference - PITCH_MRAD * per_pitch
+    return replace(data, reference=reference, per_pitch=per_pitch)
+
+
+def test_a_lidar_that_looks_too_low_is_found_and_spoils_nothing():
+    clean = samples(outliers=0.05, noise_px=0.2)
+    data = with_pitch(clean)
+    found = refined(data)
+    assert "pitch of the LiDAR" in found.choice.chosen.name
+    off_mrad = 1000 * found.lidar_pitch_rad - PITCH_MRAD
+    assert abs(off_mrad) < min(0.1, 3000 * found.lidar_pitch_sigma_rad)
+    unaware = fit(replace(data, per_pitch=None))
+    assert np.quantile(offset_errors_px(unaware, clean), 0.5) > 0.1
+    assert np.quantile(offset_errors_px(found.correction, clean), 0.5) < 0.04
+
+
+def test_a_lidar_that_is_right_is_left_alone():
+    data = replace(samples(), per_pitch=with_pitch(samples()).per_pitch)
+    found = refined(data)
+    assert found.lidar_pitch_rad == 0 == found.lidar_pitch_sigma_rad
+    assert "pitch" not in found.choice.chosen.name
+
+
+@pytest.mark.parametrize("upright", [0.0, 1.0])
+def test_ground_alone_or_walls_alone_tell_no_pitch(upright):
+    assert refined(with_pitch(samples(), upright=upright)).lidar_pitch_rad == 0
+
+
+def test_ground_and_walls_that_disagree_are_part_of_what_is_left():
+    """One frame cannot tell the pitch: what that does to surfaces is in the systematic error."""
+    data = samples(frames=1, each=20_000, outliers=0.0, noise_px=0.1)
+    ground = np.random.default_rng(0).random(len(data)) < 0.6
+    data = replace(data, measured=data.measured + ground)
+    told = refined(replace(data, per_pitch=np.where(ground, 0.23, 0.0)))
+    assert told.lidar_pitch_rad == 0
+    assert told.correction.residual_px > 1.5 * fit(data).residual_px

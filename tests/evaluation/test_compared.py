@@ -48,3 +48,27 @@ def test_a_frame_without_reference_is_refused():
         against_scan(wall(), frame(scan=False))
     with pytest.raises(ReferenceMissing, match="frame 0 has no ground-truth"):
         against_truth(wall(), frame())
+
+
+def test_what_a_pitched_lidar_does_follows_from_the_slopes():
+    """A ground of 0.05 px a row, with a hole beside which only one side is known."""
+    ground = np.repeat(0.05 * np.arange(HEIGHT_PX, dtype=np.float32)[:, None] + 1, WIDTH_PX, axis=1)
+    ground[16:18] = np.nan
+    compared = against_scan(DisparityMap(ground), frame())
+    y = (compared.v - 20) / 50
+    rows_per_mrad = 50 * (1 + y * y) / 1000
+    known = compared.matched
+    assert known.mean() > 0.9
+    np.testing.assert_allclose(compared.per_pitch[known], 0.05 * rows_per_mrad[known], rtol=1e-4)
+    raised = compared.raised(0.002)
+    more_px = raised.reference_px - compared.reference_px
+    np.testing.assert_allclose(more_px[known], 2 * 0.05 * rows_per_mrad[known], rtol=1e-4)
+    assert compared.raised(0.0) is compared
+    np.testing.assert_array_equal(compared.samples().per_pitch, compared.per_pitch[known])
+
+
+def test_edges_have_no_slope():
+    step = wall().values.copy()
+    step[20:] += 10
+    compared = against_scan(DisparityMap(step), frame())
+    np.testing.assert_array_equal(compared.per_pitch, 0.0)

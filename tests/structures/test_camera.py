@@ -155,3 +155,19 @@ def test_images_of_another_size_are_refused():
     rig().check_size(WIDTH, HEIGHT)
     with pytest.raises(CalibrationSizeMismatch, match="640x480"):
         rig().check_size(HEIGHT, WIDTH)
+
+
+def test_a_lidar_is_raised_once():
+    """On the rig that knows of it, and on a source whose own LiDAR is as it was calibrated."""
+    pitch_rad = 0.01
+    ahead = Pose("camera_left", "velodyne", np.eye(4))
+    bare, own = rig(), rig(T_left_velodyne=ahead)
+    knowing = own.with_lidar_raised(pitch_rad)
+    assert knowing.lidar_pitch_rad == pitch_rad
+    up = knowing.T_left_velodyne.apply(np.array([[0.0, 0.0, 10.0]]))[0]
+    np.testing.assert_allclose(up, [0, -10 * np.sin(pitch_rad), 10 * np.cos(pitch_rad)], rtol=1e-12)
+    np.testing.assert_array_equal(knowing.lidar_of(own).matrix, knowing.T_left_velodyne.matrix)
+    np.testing.assert_array_equal(knowing.lidar_of(bare).matrix, knowing.T_left_velodyne.matrix)
+    twice = knowing.with_lidar_raised(pitch_rad)
+    assert twice.lidar_pitch_rad == 2 * pitch_rad
+    np.testing.assert_allclose(twice.T_left_velodyne.matrix, twice.lidar_of(own).matrix, atol=1e-12)

@@ -34,6 +34,7 @@ from pseudolidar.formats.rigs.rig_parts import (
     T_right_left,
     camera,
     correction,
+    lidar_pitch,
     optional_pose,
     rows,
 )
@@ -56,6 +57,7 @@ OPTIONAL = (
     "rows",
     "quality",
     "metric",
+    "lidar_pitch_rad",
 )
 # Seven digits of a rotation are enough for this; beyond it the numbers were rounded.
 ROUNDED_ROTATION = 1e-6
@@ -148,6 +150,9 @@ def rig_of_fields(
         quality=quality(fields["quality"]) if "quality" in fields else None,
         origin=text(fields["origin"]) if "origin" in fields else "",
         metric=truth(fields["metric"]) if "metric" in fields else True,
+        lidar_pitch_rad=lidar_pitch(fields["lidar_pitch_rad"])
+        if "lidar_pitch_rad" in fields
+        else 0.0,
     )
     return rig, fields
 
@@ -188,6 +193,8 @@ def rig_fields_of(rig: StereoRig) -> dict[str, Any]:
         pose = getattr(rig, name)
         if pose is not None:
             fields[name] = pose_fields(pose)
+    if rig.lidar_pitch_rad:
+        fields["lidar_pitch_rad"] = rig.lidar_pitch_rad
     for name, part in (("correction", rig.correction), ("rows", rig.rows)):
         if part is not None:
             fields[name] = {
@@ -230,6 +237,9 @@ def rig_notes(rig: StereoRig) -> tuple[str, ...]:
     if rig.correction is not None:
         origin = rig.correction.origin or "unknown origin"
         notes.append(f"refined rig: leaves {rig.correction.residual_px:.2f} px ({origin})")
+    if rig.lidar_pitch_rad:
+        degrees = np.rad2deg(rig.lidar_pitch_rad)
+        notes.append(f"scans are raised by {degrees:.3f} degrees: their LiDAR's pitch was off")
     if rig.quality is not None and str(rig.quality):
         notes.append(f"calibration: {rig.quality}")
     return tuple(notes)

@@ -40,6 +40,8 @@ COEFFICIENTS = {"pinhole": (0, 4, 5, 8, 12, 14), "fisheye": (0, 4)}
 LARGEST_BASELINE_M = 10.0
 # No vehicle that carries cameras and another sensor is longer.
 FARTHEST_SENSOR_M = 50.0
+# More than 6 degrees are no error of a LiDAR's calibration.
+LARGEST_PITCH_RAD = 0.1
 
 
 def camera(node: Node, size_px: tuple[int, int], frame: str) -> Camera:
@@ -207,6 +209,19 @@ def _sigma_scale(node: Node) -> SigmaScale:
         raise wrong(node, "a number, or [disparity in px, factor] of several disparities")
     disparities_px, factors = np.stack([numbers(pair, 2) for pair in node.value], axis=1)
     return SigmaScale(disparities_px, factors)
+
+
+def lidar_pitch(node: Node) -> float:
+    """By how much the LiDAR is raised, rad."""
+    pitch_rad = number(node)
+    if abs(pitch_rad) > LARGEST_PITCH_RAD:
+        raise CalibrationValue(
+            f"a LiDAR whose calibration is off by {np.rad2deg(pitch_rad):.1f} degrees",
+            want=f"{LARGEST_PITCH_RAD:g} rad at most",
+            path=node.path,
+            where=node.where,
+        )
+    return pitch_rad
 
 
 def rows(node: Node) -> RowCorrection:

@@ -57,6 +57,7 @@ def full_rig(*, rectified: bool) -> StereoRig:
             "camera_left", "velodyne", rotation(1), rng.normal(size=3)
         ),
         T_velodyne_imu=Pose.from_rotation("velodyne", "imu", rotation(2), rng.normal(size=3)),
+        lidar_pitch_rad=1e-3 / 3,
         correction=DisparityCorrection(rng.normal(size=8) / 3, 0.1 + 0.2, "22 frames, Velodyne"),
         rows=RowCorrection(rng.normal(size=9) / 3, 0.1 + 0.7, "matches of 22 frames"),
         origin='KITTI 2011_09_26, "größer" \n\udcff',
@@ -78,6 +79,7 @@ def assert_same(a: StereoRig, b: StereoRig) -> None:
         if pose is not None:
             assert (pose.dst, pose.src) == (other_pose.dst, other_pose.src)
             assert np.array_equal(pose.matrix, other_pose.matrix)
+    assert a.lidar_pitch_rad == b.lidar_pitch_rad
     for mine, theirs in ((a.correction, b.correction), (a.rows, b.rows)):
         assert (mine is None) == (theirs is None)
         if mine is not None and theirs is not None:
@@ -155,6 +157,12 @@ MISTAKES = {
     "unknown": (changed(baselin_m=1), CalibrationField, "baselin_m", "unknown"),
     "no cx": (changed(left={"fx": 1, "cy": 2}), CalibrationField, "left", "'cx'"),
     "K and fx": (changed(left={"K": EYE, "fx": 1}), CalibrationField, "left", "both"),
+    "pitch": (
+        changed(lidar_pitch_rad=0.2),
+        CalibrationValue,
+        "lidar_pitch_rad",
+        "off by 11.5 degrees",
+    ),
     "no t": (changed(T_left_velodyne={"R": EYE}), CalibrationField, "T_left_velodyne", "'t_m'"),
     # row 19: wrong counts
     "K of 2": (changed(left={"K": [[1, 0, 1], [0, 1, 1]]}), CalibrationSyntax, "left.K", "2"),
@@ -325,9 +333,11 @@ def test_rounded_rotation_is_told() -> None:
     (warning,) = rig_notes(rig)
     assert "T_camera_left_velodyne" in warning
     assert "5.0e-05" in warning
-    (refined,) = rig_notes(full_rig(rectified=True))
+    refined, raised = rig_notes(full_rig(rectified=True))
     assert "leaves 0.30 px (22 frames, Velodyne)" in refined
-    assert rig_notes(full_rig(rectified=True).with_correction(None)) == ()
+    assert "raised by 0.019 degrees" in raised
+    bare = replace(full_rig(rectified=True), correction=None, lidar_pitch_rad=0.0)
+    assert rig_notes(bare) == ()
 
 
 def test_other_frame_names_are_not_lost_silently(tmp_path: Path) -> None:
