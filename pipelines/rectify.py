@@ -28,6 +28,7 @@ from pseudolidar.running.products.rectified_pairs import (
     write_times,
 )
 from pseudolidar.running.results import RunResult
+from pseudolidar.running.rows_drawn import draw_rows, row_text
 from pseudolidar.running.run import Run
 from pseudolidar.running.stream import stream
 from pseudolidar.running.uncalibrated import CAMERAS, FoundCameras, as_file, found_cameras
@@ -171,7 +172,7 @@ def run_with_rig(
         times = dict(zip(source.ids, source.timestamps_ns, strict=True))
         write_times(job.out, run.records(), times, job.views)
     looked = check_source(in_one_view(source), crew=job.crew)
-    draw(job.out / PICTURE, source, looked)
+    draw_rows(job.out / PICTURE, source, looked)
     return RectifyReport(run.result(), job.out, first, looked, source.summary.notes, found)
 
 
@@ -220,36 +221,6 @@ def opened(job: RectifyPairs, rig: Path | None) -> FrameSequence[Frame]:
 def first_frame(source: FrameSequence[Frame]) -> Frame:
     """The first frame that can be read; raises what the first one raises where none can."""
     return next(evenly_loaded(source, most=len(source.ids)), None) or source.load(0)
-
-
-def draw(path: Path, source: FrameSequence[Frame], looked: SourceCheck) -> None:
-    """Draw the pairs that were looked at, all views of each, with rows drawn through both eyes.
-
-    Raises:
-        OutputError: the picture cannot be written.
-    """
-    from pseudolidar.evaluation.rows_picture import rows_picture
-    from pseudolidar.formats.atomic import write_atomic
-    from pseudolidar.formats.pictures.image import encode_png
-
-    panels = []
-    for pair in looked.pairs:
-        views = pairs_in(source.load(source.ids.index(pair.id)))
-        for number, view in enumerate(views):
-            title = f"{pair.id} {folder_of_view(number, len(views)).strip('/')}"
-            if len(views) == 1:
-                title += f": {row_text(pair.matches.row_difference_px[pair.inliers])}"
-            panels.append(rows_picture(view.left, view.right, title=title, mask=view.mask))
-    if panels:
-        write_atomic(path, encode_png(np.vstack(panels)))
-
-
-def row_text(rows_px: Float64) -> str:
-    """How far rows are off, in words."""
-    if not len(rows_px):
-        return "no matches"
-    median, wide = np.median(np.abs(rows_px)), np.quantile(np.abs(rows_px), 0.95)
-    return f"rows differ by {median:.2f} px (median), {wide:.2f} px (95 %), {len(rows_px)} matches"
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,9 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from pseudolidar.calibration.overlap_partners import Between, Partners
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.pose import Pose
+
+# Normals of one surface, seen by two pairs, agree to 35 degrees.
+LEAST_COSINE = 0.8
+# Roughness of surfaces and of the model, m: no point is surer than this.
+FLOOR_M = 0.01
 
 
 @dataclass(frozen=True)
@@ -106,3 +112,32 @@ class Sight:
     def rays(self) -> Float64:
         """(N, 3) directions from the camera, of length 1."""
         return np.asarray(self.xyz / np.linalg.norm(self.xyz, axis=1)[:, None], np.float64)
+
+    def partners(self, other: Sight, between: Between, gate_m: float) -> Partners:
+        """Points whose nearest point of the other sight is near and faces the same way.
+
+        Args:
+            other: what another pair sees in the same frame.
+            between: the two pairs; this sight is of the first.
+            gate_m: how far apart they may be.
+        """
+        T_body_other = between.T_body_second.matrix
+        T_other_own = np.linalg.inv(T_body_other) @ between.T_body_first.matrix
+        R_other_own, R_body_other = T_other_own[:3, :3], T_body_other[:3, :3]
+        xyz = self.xyz @ R_other_own.T + T_other_own[:3, 3]
+        distance_m, at = other.tree.query(xyz, distance_upper_bound=gate_m)
+        near = np.flatnonzero(np.isfinite(distance_m))
+        own_normals = self.normals[near] @ R_other_own.T
+        alike = (own_normals * other.normals[at[near]]).sum(axis=1) > LEAST_COSINE
+        mine, theirs = near[alike], at[near][alike]
+        normals = other.normals[theirs]
+        return Partners(
+            between.first,
+            between.second,
+            xyz[mine] @ R_body_other.T + T_body_other[:3, 3],
+            normals @ R_body_other.T,
+            ((xyz[mine] - other.xyz[theirs]) * normals).sum(axis=1),
+            ((self.rays[mine] @ R_other_own.T) * normals).sum(axis=1) * self.sigma_m[mine],
+            (other.rays[theirs] * normals).sum(axis=1) * other.sigma_m[theirs],
+            FLOOR_M,
+        )

@@ -10,6 +10,7 @@ import numpy as np
 
 from pseudolidar.calibration.boards.board import Board, BoardName, Dictionary
 from pseudolidar.calibration.boards.find import find_board
+from pseudolidar.calibration.overlap_partners import Between, Partners
 from pseudolidar.geometry.grey import grey8_pair
 from pseudolidar.geometry.triangulation import points_by_p
 from pseudolidar.structures.arrays import Float64, Int64
@@ -20,6 +21,8 @@ from pseudolidar.structures.pose import Pose
 DISPARITY_SIGMA_PX, ACROSS_SIGMA_PX = 0.2, 0.15
 # Corners of less disparity are too far to be of use, px; corners of more rows apart are no pair.
 LEAST_DISPARITY_PX, MOST_ROWS_PX = 0.5, 3.0
+# Flatness of boards, m: no corner is surer than this.
+FLOOR_M = 0.0005
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,35 @@ class BoardSight:
         outer = rays[:, :, None] * rays[:, None, :]
         along, across = (self.sigma_m**2)[:, None, None], (self.across_m**2)[:, None, None]
         return np.asarray(outer * along + (np.eye(3) - outer) * across)
+
+    def partners(self, other: BoardSight, between: Between, gate_m: float) -> Partners:  # noqa: ARG002
+        """Corners that both see, along each axis of the body.
+
+        Args:
+            other: what another pair sees in the same frame.
+            between: the two pairs; this sight is of the first.
+            gate_m: not needed: corners have numbers.
+        """
+        _, mine, theirs = np.intersect1d(self.ids, other.ids, return_indices=True)
+        T_body_own, T_body_other = between.T_body_first, between.T_body_second
+        points = T_body_own.apply(self.xyz[mine])
+        return Partners(
+            between.first,
+            between.second,
+            np.repeat(points, 3, axis=0),
+            np.tile(np.eye(3), (len(mine), 1)),
+            (points - T_body_other.apply(other.xyz[theirs])).ravel(),
+            self.spread_m(mine, T_body_own).ravel(),
+            other.spread_m(theirs, T_body_other).ravel(),
+            FLOOR_M,
+            3,
+        )
+
+    def spread_m(self, corners: Int64, T_body_left: Pose) -> Float64:
+        """(N, 3) standard deviations of some corners along the axes of the body, m."""
+        R = T_body_left.matrix[:3, :3]
+        squares = np.einsum("ij,njk,ik->ni", R, self.covariance_m2[corners], R)
+        return np.asarray(np.sqrt(squares))
 
 
 def read_alike(

@@ -96,10 +96,15 @@ def places_found(
     H, _, dof, chi2 = system(partners, free)
     covariance = covariance_of(H, free, dof, chi2) + common_errors(partners, H, free, dof, chi2)
     spread = spread_of(sights, found, free, by.gates_m[-1])
-    return {
-        name: _place(name, at, sights, given, found, covariance, spread, by, trust)
+    doubt = {
+        name: _Doubt.of(found[name], covariance, spread, twist_of(at))
         for at, name in enumerate(free)
     }
+    for name in free:
+        moved, turned = moved_by(given[name], found[name])
+        check_near(name, moved, turned, trust)
+        check_held(name, doubt[name].covariance, doubt[name].sigma, trust)
+    return {name: _place(name, sights, given, found, doubt[name].sigma, by) for name in free}
 
 
 def _with_gate(
@@ -166,24 +171,29 @@ def about_place(place: Pose) -> Float64:
     return about
 
 
+@dataclass(frozen=True, eq=False)
+class _Doubt:
+    """How sure a place is: (6, 6) covariance of shift, m, and turn, rad; (6,) what is believed."""
+
+    covariance: Float64
+    sigma: Float64
+
+    @classmethod
+    def of(cls, place: Pose, covariance: Float64, spread: Float64, block: slice) -> _Doubt:
+        about = about_place(place)
+        own = about @ covariance[block, block] @ about.T
+        return cls(own, np.sqrt(np.maximum(np.diag(own), spread[block] ** 2)))
+
+
 def _place(
     name: str,
-    at: int,
     sights: Sights,
     given: Mapping[str, Pose],
     found: Mapping[str, Pose],
-    covariance: Float64,
-    spread: Float64,
+    sigma: Float64,
     by: Overlap | SharedBoard,
-    trust: Trust,
 ) -> PlaceFound:
-    block = twist_of(at)
-    about = about_place(found[name])
-    local = about @ covariance[block, block] @ about.T
-    sigma = np.sqrt(np.maximum(np.diag(local), spread[block] ** 2))
     moved, turned = moved_by(given[name], found[name])
-    check_near(name, moved, turned, trust)
-    check_held(name, local, sigma, trust)
     mine = distances_of(sights, found, name, by.gates_m[-1])
     before = distances_of(sights, given, name, by.gates_m[0])
     total = sum(len(frame[name]) for frame in sights if name in frame)

@@ -5,24 +5,50 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol, Self
 
 import numpy as np
 
-from pseudolidar.calibration.overlap import Sight
-from pseudolidar.calibration.overlap_board import BoardSight
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.pose import Pose
 
-# Normals of one surface, seen by two pairs, agree to 35 degrees.
-LEAST_COSINE = 0.8
-# Roughness of surfaces and of the model, m: no point is surer than this.
-FLOOR_M = 0.01
-# Flatness of boards, m.
-CORNER_FLOOR_M = 0.0005
 # Residuals beyond so many standard deviations count for less (Cauchy).
 CAUCHY = 2.0
 
-AnySight = Sight | BoardSight
+
+@dataclass(frozen=True, eq=False)
+class Between:
+    """Two pairs of a body.
+
+    Args:
+        first: name of the one whose points are compared.
+        second: of the one that they are compared with.
+        T_body_first: its place, `T_base_link_left`.
+        T_body_second: that of the other.
+    """
+
+    first: str
+    second: str
+    T_body_first: Pose
+    T_body_second: Pose
+
+
+class AnySight(Protocol):
+    """What one pair sees in one frame; all sights of a fit are of one kind."""
+
+    def __len__(self) -> int:
+        """How many points it has."""
+
+    def partners(self, other: Self, between: Between, gate_m: float) -> Partners:
+        """The points of this sight that another pair sees as well.
+
+        Args:
+            other: what that sees in the same frame.
+            between: the two pairs; this sight is of the first.
+            gate_m: how far apart points of one thing may be.
+        """
+
+
 FrameSight = Mapping[str, AnySight]
 Sights = Sequence[FrameSight]
 
@@ -50,7 +76,7 @@ class Partners:
     residual_m: Float64
     along_first: Float64
     along_second: Float64
-    floor_m: float = FLOOR_M
+    floor_m: float
     rows_a_point: int = 1
 
     @property
@@ -109,61 +135,8 @@ def partners_of(
         places: `T_base_link_left` of each pair.
         gate_m: how far apart points of one surface may be; boards need none.
     """
-    a, b = frame[first], frame[second]
-    if isinstance(a, BoardSight):
-        assert isinstance(b, BoardSight)  # one kind for all
-        return _same_corners(a, b, first, second, places)
-    assert isinstance(b, Sight)
-    return _near_surfaces(a, b, first, second, places, gate_m)
-
-
-def _same_corners(
-    a: BoardSight, b: BoardSight, first: str, second: str, places: Mapping[str, Pose]
-) -> Partners:
-    """Corners of a board that both see, along each axis of the body."""
-    _, mine, theirs = np.intersect1d(a.ids, b.ids, return_indices=True)
-    points, others = places[first].apply(a.xyz[mine]), places[second].apply(b.xyz[theirs])
-    axes = np.tile(np.eye(3), (len(mine), 1))
-    R_a, R_b = places[first].matrix[:3, :3], places[second].matrix[:3, :3]
-    spread_a = np.einsum("ij,njk,ik->ni", R_a, a.covariance_m2[mine], R_a)
-    spread_b = np.einsum("ij,njk,ik->ni", R_b, b.covariance_m2[theirs], R_b)
-    return Partners(
-        first,
-        second,
-        np.repeat(points, 3, axis=0),
-        axes,
-        (points - others).ravel(),
-        np.sqrt(spread_a).ravel(),
-        np.sqrt(spread_b).ravel(),
-        CORNER_FLOOR_M,
-        3,
-    )
-
-
-def _near_surfaces(
-    a: Sight, b: Sight, first: str, second: str, places: Mapping[str, Pose], gate_m: float
-) -> Partners:
-    """Points of `first` whose nearest point of `second` is near and faces the same way."""
-    T_body_a, T_body_b = places[first].matrix, places[second].matrix
-    T_b_a = np.linalg.inv(T_body_b) @ T_body_a
-    xyz = a.xyz @ T_b_a[:3, :3].T + T_b_a[:3, 3]
-    distance_m, at = b.tree.query(xyz, distance_upper_bound=gate_m)
-    near = np.flatnonzero(np.isfinite(distance_m))
-    normals_a = a.normals[near] @ T_b_a[:3, :3].T
-    alike = (normals_a * b.normals[at[near]]).sum(axis=1) > LEAST_COSINE
-    mine, theirs = near[alike], at[near][alike]
-    normals = b.normals[theirs]
-    residual_m = ((xyz[mine] - b.xyz[theirs]) * normals).sum(axis=1)
-    R_body_b = T_body_b[:3, :3]
-    return Partners(
-        first,
-        second,
-        xyz[mine] @ R_body_b.T + T_body_b[:3, 3],
-        normals @ R_body_b.T,
-        residual_m,
-        ((a.rays[mine] @ T_b_a[:3, :3].T) * normals).sum(axis=1) * a.sigma_m[mine],
-        (b.rays[theirs] * normals).sum(axis=1) * b.sigma_m[theirs],
-    )
+    between = Between(first, second, places[first], places[second])
+    return frame[first].partners(frame[second], between, gate_m)
 
 
 def distances_of(sights: Sights, places: Mapping[str, Pose], name: str, gate_m: float) -> Float64:

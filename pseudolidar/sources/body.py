@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
-from pseudolidar.errors import NoPairs, PseudolidarError, SourceEmpty, SourceUnknown
+from pseudolidar.errors import NoPairs, PseudolidarError, SourceUnknown
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.rigs.body_json import MARK, body_text, has_pairs, read_body
-from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.frames import left_in_base_link
 from pseudolidar.geometry.rectification import aligning_rotations
-from pseudolidar.sources.names import natural_key
+from pseudolidar.sources.moments import moments_of
 from pseudolidar.sources.rectified import RectifiedSource, Rectify
 from pseudolidar.sources.selection import whole
 from pseudolidar.sources.source import (
@@ -26,15 +25,12 @@ from pseudolidar.sources.source import (
     SourceSummary,
     pairs_of,
 )
-from pseudolidar.sources.timed_pairs import associate
 from pseudolidar.structures.body import BodyFrame, BodyRig, MountedPair
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.pose import Pose
 from pseudolidar.structures.recorded import Frame
 
 RIG_FILE = "rig.json"
-# Of the usual time between frames, how far apart pictures of one moment may be.
-TOLERANCE_OF_INTERVAL = 0.4
 
 
 @dataclass(frozen=True)
@@ -85,7 +81,7 @@ class Body:
         """
         body = read_body(self.rig_file, limits=self.limits)
         sources = tuple(self._pair_source(pair, rectify) for pair in body.pairs)
-        moments = _moments(self, sources)
+        moments = moments_of(self.path, sources, tolerance_s=self.tolerance_s)
         return BodySource(self.path, body, sources, tuple(moments.items()))
 
     def _pair_source(self, pair: MountedPair, rectify: Rectify) -> FrameSource:
@@ -134,8 +130,7 @@ class BodySource:
         incomplete = sum(None in indices for _, indices in self.moments)
         notes = [f"column source: {names}"]
         notes += [f"frames without all pairs: {incomplete}"] if incomplete else []
-        for name, source in self.parts.items():
-            notes += [f"{name}: {note}" for note in source.summary.notes]
+        notes += _notes_of({name: source.summary.notes for name, source in self.parts.items()})
         nearest_m = [s.summary.nearest_m for s in self.sources if s.summary.nearest_m is not None]
         return SourceSummary(
             kind="body",
@@ -249,6 +244,16 @@ def rectified_place(pair: MountedPair) -> Pose:
     return pair.T_base_link_left @ Pose.from_rotation(left, left, R_left.T, np.zeros(3))
 
 
+def _notes_of(parts: Mapping[str, tuple[str, ...]]) -> list[str]:
+    """Notes of the pairs with their names; what all of them say is said once."""
+    first = next(iter(parts.values()))
+    shared = [note for note in first if all(note in notes for notes in parts.values())]
+    own = [
+        f"{name}: {note}" for name, notes in parts.items() for note in notes if note not in shared
+    ]
+    return [*shared, *own]
+
+
 def _pose(pairs: Mapping[str, StereoFrame], places: Mapping[str, Pose]) -> Pose | None:
     """`T_map_base_link` by the first pair that knows where its own body is."""
     for name, frame in pairs.items():
@@ -262,45 +267,6 @@ def _camera_words(body: BodyRig) -> str:
     """Rigs and places in words: the same words, the same results."""
     digest = hashlib.sha256(body_text(body).encode()).hexdigest()
     return f"{', '.join(body.names)}: sha256 {digest}"
-
-
-def _moments(settings: Body, sources: Sequence[FrameSource]) -> dict[str, tuple[int | None, ...]]:
-    """Frames of one moment: of equal names, else of near times.
-
-    Raises:
-        SourceEmpty: there are none.
-    """
-    tables = [{name: index for index, name in enumerate(source.ids)} for source in sources]
-    if len(tables) == 1 or any(tables[0].keys() & table.keys() for table in tables[1:]):
-        names = sorted({name for table in tables for name in table}, key=natural_key)
-        return {name: tuple(table.get(name) for table in tables) for name in names}
-    times = [source.timestamps_ns for source in sources]
-    if not all(times):
-        raise SourceEmpty("a pair without frames", want="pictures", path=settings.path)
-    tolerance_ns = _tolerance_ns(settings, times[0])
-    found: dict[str, list[int | None]] = {
-        name: [index, *[None] * (len(sources) - 1)] for name, index in tables[0].items()
-    }
-    by_index = list(found.values())
-    for number, other in enumerate(times[1:], start=1):
-        for first, second in associate(times[0], other, tolerance_ns=tolerance_ns):
-            by_index[first][number] = second
-    if all(set(indices[1:]) == {None} for indices in by_index):
-        raise SourceEmpty(
-            "no frames of one moment: neither names nor times of the pairs' pictures agree",
-            want="pictures of one moment with equal names, or times "
-            f"{tolerance_ns / NS_PER_S:.3g} s apart at most",
-            fix="Name the pictures alike, or pass --source.tolerance-s.",
-            path=settings.path,
-        )
-    return {name: tuple(indices) for name, indices in found.items()}
-
-
-def _tolerance_ns(settings: Body, times_ns: Sequence[int]) -> int:
-    if settings.tolerance_s is not None:
-        return round(settings.tolerance_s * NS_PER_S)
-    steps = np.diff(np.asarray(times_ns, np.int64))
-    return int(TOLERANCE_OF_INTERVAL * float(np.median(steps))) if len(steps) else 0
 
 
 def pair_folders(settings: Body) -> tuple[str, ...]:

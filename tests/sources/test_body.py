@@ -49,7 +49,11 @@ def test_it_is_recognised_and_told(folder: Path) -> None:
     source = settings.open()
     assert source.ids == ("000000", "000001", "000002")
     assert "3 stereo pairs on one body (front, left, right): 3 frames" in source.summary.line
-    assert source.summary.notes[0] == "column source: 0 front, 1 left, 2 right"
+    first, *others = source.summary.notes
+    assert first == "column source: 0 front, 1 left, 2 right"
+    # What all pairs say is said once.
+    assert others.count("pairs: equal names") == 1
+    assert not any("equal names" in note for note in others if ": pairs" in note)
     frame = source.load(1)
     assert tuple(frame.pairs) == NAMES
     assert frame.notes == ()
