@@ -192,14 +192,15 @@ def mark_speckles(
     baseline_m: float,
     doffs_px: float,
     min_m2: float,
+    pixel_m2: float,
     near_px: float,
 ) -> None:
     """Mark small surfaces on their own: 4-connected parts with less area than `min_m2`.
 
     Neighbours hang together where their disparities differ by at most `link_px + link_rel d`. A
-    pixel at disparity d covers (B / (d + doffs))^2 square metres, B the baseline. Parts nearer than
-    `near_px` of disparity are marked as near-lens noise. `values` are NaN where there is none, or
-    where it was removed already.
+    pixel at disparity d covers (B / (d + doffs))^2 square metres, B the baseline, and counts for no
+    less than `pixel_m2`. Parts nearer than `near_px` of disparity are marked as near-lens noise.
+    `values` are NaN where there is none, or where it was removed already.
     """
     height, width = values.shape
     most = height * width
@@ -234,7 +235,7 @@ def mark_speckles(
             n = np.float32(x - first)
             side = np.float32(baseline_m) / max(total / n + np.float32(doffs_px), np.float32(1e-3))
             row_of[count], first_of[count], last_of[count] = y, first, x
-            parents[count], area[count] = count, n * side * side
+            parents[count], area[count] = count, n * max(side * side, np.float32(pixel_m2))
             count += 1
         if y > 0:
             joined_above, joined_here = -1, -1

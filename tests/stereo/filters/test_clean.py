@@ -13,7 +13,7 @@ from pseudolidar.errors import StereoConfig, StructureError
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters import clean_kernels as kernels
-from pseudolidar.stereo.filters.clean import REASONS, Clean, Cleaner
+from pseudolidar.stereo.filters.clean import NO_SPECKLE_SHARE, REASONS, Clean, Cleaner
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
@@ -161,6 +161,19 @@ def test_a_floating_patch_goes_by_its_area_and_near_ones_have_their_own_name():
     assert (cleaned.reason[30:36, 100:106] == kernels.SPECKLE).all()
 
 
+def test_a_small_thing_so_near_that_it_fills_a_part_of_the_picture_stays():
+    """0.05 m x 0.08 m half a metre away: a tenth of the area that a surface has elsewhere."""
+    side = (round(0.05 * FOCAL_PX / 0.5), round(0.08 * FOCAL_PX / 0.5))
+    assert side[0] * side[1] > NO_SPECKLE_SHARE * WIDTH * HEIGHT
+    values = wall(20.0)
+    values[20 : 20 + side[0], 60 : 60 + side[1]] = FB / 0.5
+    values[20 + side[0] + 5 :, 60:63] = FB / 0.5  # a sliver of it
+    only = replace(NOTHING, speckle=True).load()
+    cleaned = only(frame(), surface(values))
+    assert (cleaned.reason[20 : 20 + side[0], 60 : 60 + side[1]] == 0).all()
+    assert (cleaned.reason[20 + side[0] + 5 :, 60:63] == kernels.NEAR).all()
+
+
 def test_matches_outside_the_right_image_go():
     cleaned = replace(NOTHING, near_noise=True).load()(frame(), surface(wall(10.0)))
     assert removed(cleaned)["near_noise"] == HEIGHT * 35  # 35 px at 10 m
@@ -275,7 +288,9 @@ def test_speckles_are_the_small_parts_that_a_graph_finds(seed):
     values, _ = noise_map(seed)
     reason = np.zeros(values.shape, np.uint8)
     area_m2 = 0.05
-    kernels.mark_speckles(values, reason, 0.5, 0.02, BASELINE_M, 0.0, area_m2, 1e9)
+    # What a pixel counts for at least, from 32 px of disparity on: 200 of them are no speckle.
+    pixel_m2 = area_m2 / 200
+    kernels.mark_speckles(values, reason, 0.5, 0.02, BASELINE_M, 0.0, area_m2, pixel_m2, 1e9)
 
     number = np.arange(values.size).reshape(values.shape)
     links = []
@@ -287,7 +302,8 @@ def test_speckles_are_the_small_parts_that_a_graph_finds(seed):
     _, part = connected_components(coo_matrix((np.ones(len(i)), (i, j)), (values.size,) * 2))
     # The area of a run of pixels is that of its mean disparity: close to the sum over pixels.
     known = np.isfinite(values).ravel()
-    each = np.where(known, (BASELINE_M / np.nan_to_num(values.ravel(), nan=1.0)) ** 2, 0)
+    side_m = BASELINE_M / np.nan_to_num(values.ravel(), nan=1.0)
+    each = np.where(known, np.maximum(side_m**2, pixel_m2), 0)
     area = np.bincount(part, each)[part]
     marked = reason.ravel() == kernels.SPECKLE
     sure = known & (np.abs(area / area_m2 - 1) > 0.05)
