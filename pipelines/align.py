@@ -19,6 +19,7 @@ from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
+from pseudolidar.running.nearness import Searching
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.rig_output import check_rig_place, stored
@@ -96,7 +97,8 @@ def run(job: Align) -> AlignReport:
     source, crew = opened(job), CrewPlan(job.workers)
     body = body_of(source)
     root = _root(body, job.root)
-    warnings = preflight(source, wanted=job.check, crew=crew)
+    searching = Searching(job.matcher, job.min_depth)
+    warnings = preflight(source, wanted=job.check, crew=crew, searching=searching)
     given = {pair.name: rectified_place(pair) for pair in body.pairs}
     see: SeeFrame | SeeBoard
     if isinstance(job.by, SharedBoard):

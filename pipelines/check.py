@@ -17,6 +17,7 @@ from pseudolidar.geometry.rectification import aligning_rotations
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.given import GivenSettings, given_maps
+from pseudolidar.running.nearness import Searching
 from pseudolidar.running.preflight import SourceCheck, check_source
 from pseudolidar.running.rig_output import check_rig_place, store_rig
 from pseudolidar.running.table import table_text
@@ -25,6 +26,7 @@ from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.rectified import Rectify, raw_rig
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, FrameSource, pairs_of
+from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.given_maps import StoredSteps
 from pseudolidar.structures.camera import StereoRig
 
@@ -101,7 +103,14 @@ def run(job: Check) -> CheckReport:
     source = opened(job)
     every = range(len(source.ids)) if job.frames is not None else None
     crew = CrewPlan(job.workers)
-    check = check_source(source, every, crew=crew, neighbours=True, timeout_s=crew.timeout_s)
+    check = check_source(
+        source,
+        every,
+        crew=crew,
+        neighbours=True,
+        timeout_s=crew.timeout_s,
+        searching=Searching(Census()),
+    )
     if not check.pairs and check.error is None:
         raise unreadable(check)
     maps = maps_found(job, source)

@@ -49,6 +49,7 @@ from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, R
 from pseudolidar.running.folder import check_usable
 from pseudolidar.running.given import GivenSettings, given_maps
 from pseudolidar.running.matching import MatchFrame, Refining, steps_in_words
+from pseudolidar.running.nearness import Searching
 from pseudolidar.running.products.compared_outputs import ComparedOutputs
 from pseudolidar.running.products.compared_products import ComparedEncoder
 from pseudolidar.running.products.encoders import FrameEncoder
@@ -163,7 +164,7 @@ class Compare:
         rectify: how unrectified pairs are rectified, as they load.
         scale_calibration: scale the calibration where images have another size.
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
-            By default what the data set says of its scenes, else 3.
+            By default what the data set says of its scenes, or the rig of its board, else 3.
         swap: exchange left and right pictures.
         scans: how LiDAR scans are put right first: moved to one moment, where the data say when
             points were taken; beams raised.
@@ -237,6 +238,11 @@ class Compare:
         yield from paths_read(self.source, self.disparity, self.depth, other)
 
     @property
+    def searching(self) -> Searching | None:
+        """What disparities are looked for; None where they are given."""
+        return None if self.given.text else Searching(self.matcher, self.min_depth)
+
+    @property
     def matched_by(self) -> str:
         """What finds the disparities, and what is done to them, in a few words."""
         if self.given.text:
@@ -269,7 +275,7 @@ def run_pairs(job: Compare, source: FrameSequence[StereoFrame]) -> ComparisonRep
     _log.info("disparities: %s", job.matched_by)
     per_frame = CompareFrame.of(job, source)
     missing = Missing(source.summary.line, source.summary.path, tried=FRAMES_TRIED)
-    doing = Doing(job.crew, job.on_error, job.check)
+    doing = Doing(job.crew, job.on_error, job.check, job.searching)
     if job.out is None:
         gathered = gather(source, per_frame, missing, doing)
     else:

@@ -35,6 +35,7 @@ from pseudolidar.running.frame_checks import (
 )
 from pseudolidar.running.given import GivenSettings, given_maps
 from pseudolidar.running.matching import MatchFrame, Refining
+from pseudolidar.running.nearness import Searching
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.products.colmap_model import ColmapModel
 from pseudolidar.running.products.converted import Converted
@@ -137,7 +138,7 @@ class Convert:
         rectify: how unrectified pairs are rectified, as they load.
         scale_calibration: scale the calibration where images have another size.
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
-            By default what the data set says of its scenes, else 3.
+            By default what the data set says of its scenes, or the rig of its board, else 3.
         frame: coordinate frame of the clouds: velodyne, camera_left or base_link, by default
             velodyne where that is calibrated, else camera_left, of several pairs base_link; of
             recorded clouds any that the source knows, by default their own. `.bin` is always x
@@ -219,6 +220,11 @@ class Convert:
         )
 
     @property
+    def searching(self) -> Searching | None:
+        """What disparities are looked for; None where they are given."""
+        return None if self.given.text else Searching(self.matcher, self.min_depth)
+
+    @property
     def matched_by(self) -> str:
         """What finds the disparities, in a few words."""
         return self.given.text or described(self.matcher)
@@ -230,7 +236,7 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
     check_usable(job.out)
     per_frame = ConvertFrame.of(job, source)
     if job.dry_run:
-        preflight(source, wanted=job.check, crew=job.crew)
+        preflight(source, wanted=job.check, crew=job.crew, searching=job.searching)
         return rehearse(source, per_frame, folder=job.out, crew=job.crew).checked()
     recording = RecordingPlan.of(job, source, wanted=job.to.recording)
     trees = per_frame.encode.trees
@@ -242,7 +248,11 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
         recording.open(job.out, run.expected(per_frame, crew=job.crew)) as log,
     ):
         settled = run.settled(log.held)
-        run.check(wanted=job.check and len(settled) < len(source.ids), crew=job.crew)
+        run.check(
+            wanted=job.check and len(settled) < len(source.ids),
+            crew=job.crew,
+            searching=job.searching,
+        )
         outcomes = stream(source, per_frame, crew=job.crew, skip=settled, in_flight=run.in_flight)
         left = len(source.ids) - len(settled)
         for frame in run.good(fitting(outcomes, frames=left, folder=job.out)):

@@ -27,6 +27,7 @@ from pseudolidar.running.crew.attempt import AnyFrame, Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, Recognised
 from pseudolidar.running.matching import MatchFrame, Refining, steps_in_words
+from pseudolidar.running.nearness import Searching
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.reports.clouds_report import CloudsReport
@@ -127,7 +128,7 @@ class Evaluate:
         rectify: how unrectified pairs are rectified, as they load.
         scale_calibration: scale the calibration where images have another size.
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
-            By default what the data set says of its scenes, else 3.
+            By default what the data set says of its scenes, or the rig of its board, else 3.
         swap: exchange left and right pictures.
         scans: how LiDAR scans are put right first: moved to one moment, where the data say when
             points were taken; beams raised.
@@ -214,7 +215,8 @@ def run(job: Evaluate) -> DisparityReport | CloudsReport:
 
 def judge_disparities(job: Evaluate, source: FrameSequence[StereoFrame]) -> DisparityReport:
     """Match and judge every frame that has a truth; then fit and judge in halves."""
-    warnings = preflight(source, wanted=job.check, crew=CrewPlan(job.workers))
+    searching = Searching(job.matcher, job.min_depth)
+    warnings = preflight(source, wanted=job.check, crew=CrewPlan(job.workers), searching=searching)
     nearest_m = nearest_depth_m(job.min_depth, source)
     loaded = balanced(job.matcher, job.balance, min_depth_m=nearest_m)
     matcher = FilteredMatcher(*refining(job).load(loaded, source))

@@ -37,6 +37,7 @@ from pseudolidar.running.live.rehearsed import rehearsed
 from pseudolidar.running.live.saving import EYES, SavePair, saved_pairs
 from pseudolidar.running.live.table import LiveTable
 from pseudolidar.running.matching import MatchFrame, Refining
+from pseudolidar.running.nearness import Searching
 from pseudolidar.running.products.encoders import FrameEncoder
 from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.running.products.product import Product
@@ -215,7 +216,8 @@ def run(job: Live) -> LiveReport:
         written = (*job.to.folders, *recording.names)
         check_unclaimed(job.out, written, overwrite=job.overwrite)
         per_frame = convert_frame(job, source)
-        rehearsed(source, per_frame, check=job.check)
+        searching = Searching(job.matcher, job.min_depth)
+        rehearsed(source, per_frame, check=job.check, searching=searching)
         return record(job, cameras, source, per_frame, recording)
 
 

@@ -16,6 +16,7 @@ from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.motion_refining import PictureRefinement, refined_by_pictures
+from pseudolidar.running.nearness import Searching
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.reference_refining import ReferenceRefinement, refined_by_reference
 from pseudolidar.running.rig_output import check_rig_place, store_rig
@@ -64,7 +65,7 @@ class Refine:
         rectify: how unrectified pairs are rectified, as they load.
         scale_calibration: scale the calibration where images have another size.
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
-            By default what the data set says of its scenes, else 3.
+            By default what the data set says of its scenes, or the rig of its board, else 3.
         swap: exchange left and right pictures.
         scans: how LiDAR scans are put right first: moved to one moment, where the data say when
             points were taken; beams raised.
@@ -105,7 +106,8 @@ def run(job: Refine) -> RefineReport:
     """
     check_rig_place(job.out, overwrite=job.overwrite)
     source, crew = opened(job), CrewPlan(job.workers)
-    warnings = preflight(source, wanted=job.check, crew=crew, mends=(ROWS,))
+    searching = Searching(job.matcher, job.min_depth)
+    warnings = preflight(source, wanted=job.check, crew=crew, mends=(ROWS,), searching=searching)
     nearest_m = nearest_depth_m(job.min_depth, source)
     matcher = balanced(job.matcher, job.balance, min_depth_m=nearest_m)
     found: ReferenceRefinement | PictureRefinement

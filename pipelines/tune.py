@@ -15,6 +15,7 @@ from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
 from pseudolidar.running.journal.identity import identity
+from pseudolidar.running.nearness import Searching
 from pseudolidar.running.new_file import check_kind, check_new_file, is_text
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.progress import TimeProgress
@@ -83,7 +84,7 @@ class Tune:
         rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
         scale_calibration: scale the calibration where images have another size.
         min_depth: nearest depth that must be found, m; decides how many disparities are searched.
-            By default what the data set says of its scenes, else 3.
+            By default what the data set says of its scenes, or the rig of its board, else 3.
         swap: exchange left and right pictures.
         scans: how LiDAR scans are put right first.
         picture: draw the trials into this PNG.
@@ -140,7 +141,8 @@ def run(job: Tune) -> TuneReport:
     space = Space.around(
         Candidate(job.matcher, job.smooth, job.fill), keep=tuple(filter(None, job.keep.split(",")))
     )
-    warnings = preflight(source, wanted=job.check, crew=crew)
+    searching = Searching(job.matcher, job.min_depth)
+    warnings = preflight(source, wanted=job.check, crew=crew, searching=searching)
     load = loader(job, source)
     frames = JudgedFrames.of(
         source, job.by, load(space.start), tuned_on=job.tune_frames, held=job.held_frames

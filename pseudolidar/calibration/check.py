@@ -38,6 +38,8 @@ class PairCheck:
         matches: what was matched.
         inliers: (N,) matches that agree on how rows differ.
         rig: what the pair is said to be taken with.
+        depths_px: (M,) disparities of what can be believed to be somewhere, whatever is to be said
+            of rows: matches of nearly one row, on one surface with their neighbours.
         suspicious: a look at the frames before and after could explain it.
     """
 
@@ -46,6 +48,7 @@ class PairCheck:
     matches: PairMatches
     inliers: Bool
     rig: StereoRig
+    depths_px: Float64
     suspicious: bool = False
 
     @property
@@ -75,20 +78,22 @@ def check_pair(
     directed = fit_rows(matches, frame.rig, direction=True)
     fit = _better(rectified, directed)
     inliers = np.zeros(len(matches), bool) if fit is None else fit.inliers
-    if matches.selected(inliers).coherence < COHERENT:
+    agreeing = matches.selected(inliers)
+    depths_px = agreeing.disparity_px[agreeing.coherent]
+    if agreeing.coherence < COHERENT:
         matches = matches.selected(np.zeros(len(matches), bool))
         rectified = directed = fit = None
         inliers = np.zeros(0, bool)
-    agreeing = matches.disparity_px[inliers]
+    agreeing_px = matches.disparity_px[inliers]
     moves_px: Float64 = np.hypot(*(matches.right_px - matches.left_px).T)
     neighbours = Neighbours(*(_fit_with(frame, other) for other in (before, after)))
     looked = before is not None or after is not None
     found = [
         same_found(frame.left, frame.right, moves_px),
-        eyes_found(agreeing, frame.rig.doffs_px),
+        eyes_found(agreeing_px, frame.rig.doffs_px),
         rows_found(fit, matches=len(matches)),
         sync_found(rectified, directed, neighbours if looked else None),
-        baseline_found(frame.rig, agreeing),
+        baseline_found(frame.rig, agreeing_px),
         focal_found(frame.rig, own_rig),
         exposure_found(frame.left, frame.right, matches, inliers),
     ]
@@ -97,7 +102,7 @@ def check_pair(
     findings = _explained(found)
     stops = any(finding.name == ROWS and finding.severity == "stop" for finding in findings)
     suspicious = not looked and (stops or stands_ahead(rectified, directed))
-    return PairCheck(frame.id, findings, matches, inliers, frame.rig, suspicious)
+    return PairCheck(frame.id, findings, matches, inliers, frame.rig, depths_px, suspicious)
 
 
 def combined(checks: Sequence[PairCheck]) -> tuple[Finding, ...]:

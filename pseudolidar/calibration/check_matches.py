@@ -66,18 +66,23 @@ class PairMatches:
 
     @property
     def coherence(self) -> float:
-        """Share of the matches whose nearest neighbour has about their disparity; NaN of few.
+        """Share of the matches that are `coherent`; NaN of few.
 
-        Of a scene most have: they lie on one surface. A pattern that repeats is found anywhere.
+        Of a scene most are: they lie on surfaces. A pattern that repeats is found anywhere.
         """
+        return float(np.mean(self.coherent)) if len(self) > 1 else float("nan")
+
+    @property
+    def coherent(self) -> Bool:
+        """(N,) matches whose nearest neighbour has about their disparity."""
         if len(self) < 2:
-            return float("nan")
+            return np.zeros(len(self), np.bool_)
         from scipy.spatial import KDTree
 
         # The first is the point itself.
         nearest = np.asarray(KDTree(self.left_px).query(self.left_px, k=2)[1])[:, 1]
         step_px = np.abs(self.disparity_px - self.disparity_px[nearest])
-        return float(np.mean(step_px < COHERENT_SHARE * self.size_px[0]))
+        return np.asarray(step_px < COHERENT_SHARE * self.size_px[0])
 
 
 def match_points(left: Image, right: Image) -> PairMatches:

@@ -6,6 +6,7 @@ import logging
 import re
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from pseudolidar.calibration.check import (
     PairCheck,
@@ -22,6 +23,7 @@ from pseudolidar.errors import CalibrationSizeMismatch, NotRectified, Pseudolida
 from pseudolidar.running.crew.attempt import Done, Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.crew.in_flight import InFlight
+from pseudolidar.running.nearness import Searching, nearest_found
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.body import parts_of
 from pseudolidar.sources.other_rig import replaced_rig
@@ -117,6 +119,7 @@ def check_source(
     timeout_s: float = CHECK_TIMEOUT_S,
     in_flight: InFlight | None = None,
     exchanging: bool = True,
+    searching: Searching | None = None,
 ) -> SourceCheck:
     """Look at some pairs of a source.
 
@@ -129,6 +132,7 @@ def check_source(
         timeout_s: a pair that takes longer is not looked at; the crew's limit counts as well.
         in_flight: where the frames are noted that could take this process with them.
         exchanging: where rows of unrectified pairs are off, look at them exchanged, too.
+        searching: what a run will look for, to tell whether it will find what is near.
 
     Raises:
         NoPairs: the source has none.
@@ -162,7 +166,9 @@ def check_source(
         found = [replace(pair, findings=_not_swapped(pair.findings)) for pair in found]
     rotation = seen_rotation(found)
     turned = (rotation_found(rotation, pairs.rig),) if found else ()
+    near = nearest_found(found, pairs, searching) if found and searching is not None else None
     findings = (*_sizes(pairs.rig, found, failed), *_dates(source), *combined(found), *turned)
+    findings += () if near is None else (near,)
     line, path = source.summary.line, source.summary.path
     check = SourceCheck(findings, tuple(found), tuple(failed), line, path, rotation)
     if exchanging and isinstance(check.error, NotRectified) and raw_rig(source) is not None:
@@ -198,6 +204,7 @@ def preflight(
     crew: CrewPlan,
     in_flight: InFlight | None = None,
     mends: Collection[str] = (),
+    searching: Searching | None = None,
 ) -> tuple[str, ...]:
     """Look at the first, the middle and the last pair before a run; the warnings, which are logged.
 
@@ -209,20 +216,29 @@ def preflight(
         crew: what the run will be done with.
         in_flight: where frames are noted while they are looked at.
         mends: names of what the run is there to put right: it neither stops nor warns.
+        searching: what disparities the run will look for; None where it looks for none.
 
     Raises:
         PairSwapped, NotRectified, CalibrationSizeMismatch: the pairs would make no metres.
     """
     source = in_one_view(source)
     if wanted and source.yields is BodyFrame:
+        of_part = partial(
+            preflight,
+            wanted=True,
+            crew=crew,
+            in_flight=in_flight,
+            mends=mends,
+            searching=searching,
+        )
         return tuple(
             f"{name}: {warning}"
             for name, part in parts_of(source).items()
-            for warning in preflight(part, wanted=True, crew=crew, in_flight=in_flight, mends=mends)
+            for warning in of_part(part)
         )
     if not wanted or source.yields is not StereoFrame or source.summary.kind == "synthetic":
         return ()
-    check = check_source(source, crew=crew, in_flight=in_flight)
+    check = check_source(source, crew=crew, in_flight=in_flight, searching=searching)
     kept = tuple(finding for finding in check.findings if finding.name not in mends)
     check = replace(check, findings=kept)
     for line in check.warnings:

@@ -16,6 +16,7 @@ from pseudolidar.running.folder import own_folder
 from pseudolidar.running.journal.identity import identity
 from pseudolidar.running.journal.journal import Journal
 from pseudolidar.running.journal.record import FileRecord, FrameRecord
+from pseudolidar.running.nearness import Searching
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.products.product import Product
 from pseudolidar.running.progress import FrameProgress
@@ -147,13 +148,24 @@ class Run:
         self._hopeless = frozenset(o.id for o in outcomes if isinstance(o, Skipped))
         return tuple(name for name in self.source.ids if name not in self._hopeless)
 
-    def check(self, *, wanted: bool, crew: CrewPlan) -> None:
+    def check(self, *, wanted: bool, crew: CrewPlan, searching: Searching | None = None) -> None:
         """Look at a few pairs before the first frame; what is odd goes into the report.
+
+        Args:
+            wanted: whether to look at all.
+            crew: how.
+            searching: what disparities the run looks for, if it does.
 
         Raises:
             PairSwapped, NotRectified, CalibrationSizeMismatch: they would make no metres.
         """
-        self._warnings = preflight(self.source, wanted=wanted, crew=crew, in_flight=self.in_flight)
+        self._warnings = preflight(
+            self.source,
+            wanted=wanted,
+            crew=crew,
+            in_flight=self.in_flight,
+            searching=searching,
+        )
 
     def settled(self, held: Collection[str]) -> frozenset[str]:
         """Ids of frames that need not be done: committed and `held`, or hopeless.

@@ -114,11 +114,16 @@ class SourceSettings(Protocol):
 
 
 def nearest_depth_m(wanted_m: float | None, source: FrameSequence[HeldFrame]) -> float:
-    """Nearest depth that must be found, m: what is wanted, else what the source says, else 3."""
-    if wanted_m is not None:
-        return wanted_m
-    stated_m = source.summary.nearest_m
-    return DEFAULT_MIN_DEPTH_M if stated_m is None else stated_m
+    """Nearest depth that must be found, m: what is wanted, else what the source says, else 3.
+
+    A source says what its data set states of its scenes, else how near its rig was calibrated.
+    """
+    quality = None if source.rig is None else source.rig.quality
+    calibrated_m = None if quality is None else quality.searched_from_m
+    for stated_m in (wanted_m, source.summary.nearest_m, calibrated_m):
+        if stated_m is not None:
+            return stated_m
+    return DEFAULT_MIN_DEPTH_M
 
 
 def tell(source: FrameSequence[HeldFrame]) -> None:

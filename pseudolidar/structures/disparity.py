@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,18 @@ ONE_SIGMA_SHARE = 0.6827
 # Ratio of the 95 % radius to sigma (68 %). Errors have heavy tails: a Gaussian would have 1.96.
 # Measured on KITTI stereo 2015, 2026-11-23.
 RADIUS_95_PER_SIGMA = 2.8
+
+# Digits of depths that a person would type: 0.25 m, 3 m, 12 m.
+TYPED = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
+
+
+def typed_below(depth_m: float) -> float:
+    """The largest number that a person would type for a depth and that is not above it, m."""
+    power = math.floor(math.log10(depth_m))
+    digits = depth_m / 10.0**power
+    # Digits of 2.9999999999999996 are those of 3.
+    at_most = max(d for d in TYPED if d <= digits * (1 + 1e-9))
+    return float(f"{at_most:g}e{power}")
 
 
 @dataclass(frozen=True, eq=False)

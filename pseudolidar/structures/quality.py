@@ -8,9 +8,13 @@ import numpy as np
 
 from pseudolidar.errors import CalibrationValue
 from pseudolidar.structures.arrays import Float64, check_array
+from pseudolidar.structures.disparity import typed_below
 
 # Figures of a calibration that are in pixels.
 PIXELS = ("rms_left_px", "rms_right_px", "rms_stereo_px", "holdout_row_error_px")
+
+# The edge of a board and the hand that holds it are nearer than its corners, by this factor.
+NEARER_THAN_CORNERS = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +60,7 @@ class CalibrationQuality:
         baseline_sigma_m: of the distance of the optical centres.
         depth_sigma_m: (M, 2) float64: depths Z, ascending, and the standard deviation that the
             calibration (not the matcher) is expected to give them, m.
+        nearest_m: depth of the nearest corner of a board that it was made with.
 
     Raises:
         CalibrationValue: a figure is negative or no number.
@@ -72,12 +77,15 @@ class CalibrationQuality:
     translation_sigma_m: Float64 | None = None
     baseline_sigma_m: float | None = None
     depth_sigma_m: Float64 | None = None
+    nearest_m: float | None = None
 
     def __post_init__(self) -> None:
         for name in (*PIXELS, "baseline_sigma_m", "views"):
             value = getattr(self, name)
             if value is not None and not (np.isfinite(value) and value >= 0):
                 raise CalibrationValue(f"{name} {value:g}", want="0 or more", where="quality")
+        if self.nearest_m is not None and not 0 < self.nearest_m < np.inf:
+            raise CalibrationValue(f"nearest_m {self.nearest_m:g}", want="above 0", where="quality")
         for name in ("rotation_sigma_rad", "translation_sigma_m"):
             if getattr(self, name) is not None:
                 _check_sigmas(name, getattr(self, name), 3)
@@ -91,6 +99,11 @@ class CalibrationQuality:
                     want="ascending depths",
                     where="quality",
                 )
+
+    @property
+    def searched_from_m(self) -> float | None:
+        """Depth from which on a rig is to be used that was calibrated so near."""
+        return None if self.nearest_m is None else typed_below(self.nearest_m * NEARER_THAN_CORNERS)
 
     def scaled(self, x_ratio: float, y_ratio: float) -> CalibrationQuality:
         """For images of other width and height; reprojection errors by both, rows by the height."""
@@ -118,6 +131,7 @@ class CalibrationQuality:
             f"baseline to {self.baseline_sigma_m * 1000:.2g} mm"
             if self.baseline_sigma_m is not None
             else "",
+            f"board from {self.nearest_m:.2g} m on" if self.nearest_m is not None else "",
         ]
         return ", ".join(part for part in parts if part)
 

@@ -68,6 +68,7 @@ class Calibration:
             translation_sigma_m=sure.translation_m,
             baseline_sigma_m=sure.baseline_m,
             depth_sigma_m=sure.depth_m,
+            nearest_m=solution.nearest_m,
         )
 
 

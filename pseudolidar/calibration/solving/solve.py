@@ -15,6 +15,7 @@ from pseudolidar.calibration.solving.observations import Observations
 from pseudolidar.calibration.solving.robust import Cauchy, rms, view_spread
 from pseudolidar.calibration.solving.stereo import EyeFits, relate, solve_eyes, solve_pair
 from pseudolidar.errors import BoardNotFound
+from pseudolidar.geometry.rectification import FISHEYE_FIELD_DEG, aligning_rotations
 from pseudolidar.structures.arrays import Bool, Float64, Int64
 from pseudolidar.structures.camera import LEFT_FRAME, RIGHT_FRAME, StereoRig
 from pseudolidar.structures.pose import Pose
@@ -107,6 +108,18 @@ class Solution:
     def baseline_m(self) -> float:
         """Distance of the optical centres."""
         return float(np.linalg.norm(self.fit.state.T_eye_first[1, :3, 3]))
+
+    @property
+    def nearest_m(self) -> float | None:
+        """Depth of the nearest corner that both eyes saw, in what the rectified pair shows."""
+        R_left, _ = aligning_rotations(self.rig.T_right_left)
+        T_first_board = self.fit.state.T_first_board[: len(self.paired)]
+        turns, shifts = R_left @ T_first_board[:, :3, :3], T_first_board[:, :3, 3] @ R_left.T
+        corners_m = self.pairs.points_m @ turns.transpose(0, 2, 1) + shifts[:, None]
+        off_axis_m, depth_m = np.abs(corners_m[..., :2]).max(axis=-1), corners_m[..., 2]
+        shown = off_axis_m < depth_m * np.tan(np.deg2rad(FISHEYE_FIELD_DEG / 2))
+        found = depth_m[shown & self.pairs.seen.all(axis=1)]
+        return float(found.min()) if len(found) else None
 
     @property
     def rig(self) -> StereoRig:

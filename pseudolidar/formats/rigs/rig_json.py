@@ -242,6 +242,11 @@ def rig_notes(rig: StereoRig) -> tuple[str, ...]:
         notes.append(f"scans are raised by {degrees:.3f} degrees: their LiDAR's pitch was off")
     if rig.quality is not None and str(rig.quality):
         notes.append(f"calibration: {rig.quality}")
+    if rig.quality is not None and rig.quality.searched_from_m is not None:
+        notes.append(
+            f"nearest depth: {rig.quality.searched_from_m:g} m, as near as the board was held; "
+            "--min-depth takes another"
+        )
     return tuple(notes)
 
 

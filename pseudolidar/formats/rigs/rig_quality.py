@@ -14,7 +14,7 @@ from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.quality import PIXELS, CalibrationQuality, CameraSigma
 
 _INTRINSICS = ("fx", "fy", "cx", "cy")
-_FIGURES = (*PIXELS, "baseline_sigma_m")
+_FIGURES = (*PIXELS, "baseline_sigma_m", "nearest_m")
 _CAMERAS = {"left_sigma": "left", "right_sigma": "right"}
 _VECTORS = ("rotation_sigma_rad", "translation_sigma_m")
 _KEYS = (*_FIGURES, "views", *_CAMERAS, *_VECTORS, "depth_sigma_m")

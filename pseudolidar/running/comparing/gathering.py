@@ -13,6 +13,7 @@ from pseudolidar.running.comparing.gathered import Gathered, Judged, Missing, ba
 from pseudolidar.running.comparing.pass_through import pass_through
 from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.nearness import Searching
 from pseudolidar.running.products.recording import RecordingPlan
 from pseudolidar.running.results import RunResult
 from pseudolidar.running.run import Run
@@ -34,11 +35,13 @@ class Doing:
         crew: by how many workers.
         on_error: what a bad frame does; a run with a folder has it in its settings.
         check: look at a few pairs first.
+        searching: what disparities are looked for, if they are.
     """
 
     crew: CrewPlan
     on_error: OnError
     check: bool
+    searching: Searching | None = None
 
 
 def gather(
@@ -58,7 +61,13 @@ def gather(
         return judged.against
 
     result = pass_through(
-        source, per_frame, keep, crew=doing.crew, on_error=doing.on_error, check=doing.check
+        source,
+        per_frame,
+        keep,
+        crew=doing.crew,
+        on_error=doing.on_error,
+        check=doing.check,
+        searching=doing.searching,
     )
     return Gathered(tuple(frames), result)
 
@@ -81,7 +90,11 @@ def gather_into(
     names = [name for name in run.expected(per_frame, crew=doing.crew) if name not in empty]
     with recording.open(run.folder, names) as log:
         settled = run.settled(log.held | empty)
-        run.check(wanted=doing.check and len(settled) < len(source.ids), crew=doing.crew)
+        run.check(
+            wanted=doing.check and len(settled) < len(source.ids),
+            crew=doing.crew,
+            searching=doing.searching,
+        )
         outcomes = stream(source, per_frame, crew=doing.crew, skip=settled, in_flight=run.in_flight)
         for frame in run.good(outcomes):
             judged = frame.value

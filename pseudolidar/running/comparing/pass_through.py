@@ -10,6 +10,7 @@ from pseudolidar.running.comparing.gathered import AGAINST
 from pseudolidar.running.crew.attempt import AnyFrame, NewResult, Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.journal.record import FrameRecord
+from pseudolidar.running.nearness import Searching
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.results import RunResult, Stopwatch
@@ -25,6 +26,7 @@ def pass_through(
     crew: CrewPlan,
     on_error: OnError,
     check: bool,
+    searching: Searching | None = None,
 ) -> RunResult:
     """Do every frame and hand the results over in order.
 
@@ -35,12 +37,13 @@ def pass_through(
         crew: how the frames are done.
         on_error: what a bad frame does.
         check: look at a few pairs first.
+        searching: what disparities are looked for, if they are.
 
     Returns:
         Frames and times, as of a run that has an output folder.
     """
     source_of_any: FrameSequence[Any] = source
-    warnings = preflight(source_of_any, wanted=check, crew=crew)
+    warnings = preflight(source_of_any, wanted=check, crew=crew, searching=searching)
     records, watch, total = list[FrameRecord](), Stopwatch(), len(source.ids)
     with FrameProgress(total) as progress:
 

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.nearness import Searching
 from pseudolidar.running.preflight import preflight
 from pseudolidar.sources.capture.live_pairs import LivePairs
 from pseudolidar.sources.source import SourceSummary
@@ -54,7 +55,11 @@ class Specimen:
 
 
 def rehearsed(
-    source: LivePairs[Any], per_frame: Callable[[Any], object], *, check: bool
+    source: LivePairs[Any],
+    per_frame: Callable[[Any], object],
+    *,
+    check: bool,
+    searching: Searching | None = None,
 ) -> tuple[str, ...]:
     """Work on a pair whose result nobody wants, and look whether the cameras stand as their rig.
 
@@ -64,6 +69,7 @@ def rehearsed(
         source: the cameras.
         per_frame: what will be done to their frames.
         check: look for swapped eyes and rows that are off.
+        searching: what disparities will be looked for.
 
     Returns:
         What is odd, which is logged.
@@ -73,7 +79,8 @@ def rehearsed(
         CalibrationSizeMismatch, PairMismatch: the pictures are of another size.
     """
     frame = source.specimen()
-    warnings = preflight(Specimen(source.summary, frame), wanted=check, crew=CrewPlan(1))
+    specimen = Specimen(source.summary, frame)
+    warnings = preflight(specimen, wanted=check, crew=CrewPlan(1), searching=searching)
     with contextlib.suppress(PseudolidarError):  # a lens cap may be on still
         per_frame(frame)
     return warnings

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -64,6 +65,7 @@ class CalibrateReport:
             "views_used": len(solution.paired),
             "views_dropped": len(self.left_out),
             "swapped": solution.swapped,
+            "command": self.command,
             "verdict": verdict.grade,
             "next_steps": list(verdict.steps),
             "judgements": [judgement.as_dict() for judgement in verdict.judgements],
@@ -92,6 +94,15 @@ class CalibrateReport:
             "previous": None if self.previous is None else str(self.previous),
             "report": None if self.page is None else str(self.page),
         }
+
+    @property
+    def command(self) -> str | None:
+        """What makes clouds of these pictures; None where more than a folder was given."""
+        if not Path(self.pairs.summary.path).is_dir():
+            return None
+        swap = ["--swap"] if self.calibration.solution.swapped else []
+        words = ["convert", self.pairs.summary.path, "clouds", "--rig", str(self.out), *swap]
+        return f"pseudolidar {shlex.join(words)}"
 
     def _views(self) -> list[dict[str, Any]]:
         solution = self.calibration.solution
@@ -145,6 +156,8 @@ class CalibrateReport:
         lines.append(f"verdict: {verdict}")
         lines += [f"  next: {step}" for step in verdict.steps]
         lines.append(f"  {self.out}")
+        if self.command is not None:
+            lines.append(f"  clouds: {self.command}")
         if self.previous is not None:
             lines.append(f"  the one before: {self.previous}")
         if self.page is not None:

@@ -42,6 +42,7 @@ def known_quality() -> CalibrationQuality:
         translation_sigma_m=rng.uniform(size=3) / 1e3,
         baseline_sigma_m=1e-4 / 3,
         depth_sigma_m=np.array([[1.0, 0.01 / 3], [10.0, 0.3]]),
+        nearest_m=0.7 / 3,
     )
 
 
@@ -49,7 +50,7 @@ def assert_same_quality(a: CalibrationQuality | None, b: CalibrationQuality | No
     assert a is not None
     assert b is not None
     for name in ("rms_left_px", "rms_right_px", "rms_stereo_px", "holdout_row_error_px", "views",
-                 "baseline_sigma_m"):  # fmt: skip
+                 "baseline_sigma_m", "nearest_m"):  # fmt: skip
         assert getattr(a, name) == getattr(b, name), name
     for name in ("rotation_sigma_rad", "translation_sigma_m", "depth_sigma_m"):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
@@ -72,7 +73,7 @@ def test_pictures_of_another_size_have_other_pixels() -> None:
         assert getattr(other, name) == pytest.approx(np.sqrt(6) * getattr(quality, name))
     for name in ("rotation_sigma_rad", "translation_sigma_m", "baseline_sigma_m", "depth_sigma_m"):
         np.testing.assert_array_equal(getattr(other, name), getattr(quality, name))
-    assert other.views == quality.views
+    assert (other.views, other.nearest_m) == (quality.views, quality.nearest_m)
 
 
 LENSES = [("pinhole", n) for n in (0, 4, 5, 8, 12, 14)] + [("fisheye", 4)]
