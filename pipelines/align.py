@@ -30,6 +30,7 @@ from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, tell
+from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.body import BodyRig
@@ -59,6 +60,9 @@ class Align:
         by: what neighbours share: `overlap` (surfaces) or `shared-board`.
         trust: how well the places given are known, and how sure the result must be.
         matcher: how disparities are found; boards need none.
+        balance: give the right picture the brightness, colours, gamma and vignetting of the left
+            one before matching: `auto` for matchers that compare brightness (all but census) where
+            the eyes differ, `always`, `never`.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         exclude: not these.
         rig: rig file of the pairs that replaces the folder's.
@@ -75,6 +79,7 @@ class Align:
     by: Overlap | SharedBoard = field(default_factory=Overlap)
     trust: Trust = field(default_factory=Trust)
     matcher: Census | Sgbm | Bm = field(default_factory=lambda: Census(quality="fine"))
+    balance: BalanceWhen = "auto"
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
     rig: Path | None = None
@@ -104,7 +109,9 @@ def run(job: Align) -> AlignReport:
     if isinstance(job.by, SharedBoard):
         see = SeeBoard(job.by, given)
     else:
-        see = SeeFrame.of(source, job.matcher, job.by, min_depth_m=job.min_depth)
+        see = SeeFrame.of(
+            source, job.matcher, job.by, balance=job.balance, min_depth_m=job.min_depth
+        )
     seen, skipped = _seen(source, see, crew, job.on_error)
     found = places_found([frame.sights for frame in seen], given, root, job.by, job.trust)
     line = source.summary.line

@@ -52,6 +52,7 @@ from pseudolidar.sources.capture.live_pairs import EveryInterval, LivePairs, OnR
 from pseudolidar.sources.folder_layout import list_pictures
 from pseudolidar.sources.rectified import Rectify
 from pseudolidar.sources.source import pairs_of, tell
+from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.filters.filled_map import Surfaces
@@ -104,6 +105,9 @@ class Live:
         realtime: play videos as if live.
         camera: how cameras are opened and paired.
         matcher: how disparities are found.
+        balance: give the right picture the brightness, colours, gamma and vignetting of the left
+            one before matching: `auto` for matchers that compare brightness (all but census) where
+            the eyes differ, `always`, `never`.
         clean: what is removed of the disparities because it is no surface; `none` keeps all.
         smooth: how disparities are smoothed before they become points.
         fill: how holes between matched pixels are filled.
@@ -146,6 +150,7 @@ class Live:
     realtime: Annotated[bool, RUN_ONLY] = False
     camera: Annotated[CameraSettings, RUN_ONLY] = field(default_factory=CameraSettings)
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
+    balance: BalanceWhen = "auto"
     clean: Clean | None = field(default_factory=Clean)
     smooth: Fgs | None = None
     fill: Surfaces | None = None
@@ -226,7 +231,9 @@ def convert_frame(job: Live, source: LivePairs[Any]) -> ConvertFrame:
     rig = pairs_of(source).rig
     left_in(rig, job.frame or default_frame(rig))  # a wrong --frame ends the run here
     refining = Refining(None, job.smooth, job.fill)
-    match = MatchFrame.load(source, job.matcher, refining, job.clean, min_depth_m=job.min_depth)
+    match = MatchFrame.load(
+        source, job.matcher, refining, job.clean, balance=job.balance, min_depth_m=job.min_depth
+    )
     normals = Normals() if job.normals else None
     beams = None if job.beams is None else Beams(job.beams)
     tools = CloudTools.load(job.outliers, job.ground, job.crop, normals, beams, job.thin)

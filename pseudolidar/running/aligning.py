@@ -12,6 +12,7 @@ from pseudolidar.errors import PseudolidarError
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.sources.body import parts_of
 from pseudolidar.sources.source import FrameSequence
+from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.matcher import MatcherSettings
 from pseudolidar.stereo.reproject import Reproject, Reprojector
@@ -54,6 +55,7 @@ class SeeFrame:
         matcher: MatcherSettings,
         overlap: Overlap,
         *,
+        balance: BalanceWhen,
         min_depth_m: float | None,
     ) -> SeeFrame:
         """With everything heavy loaded.
@@ -62,10 +64,13 @@ class SeeFrame:
             source: of several pairs on one body.
             matcher: how disparities are found.
             overlap: which points count.
+            balance: whether the right eye is equalised to the left one before.
             min_depth_m: nearest depth that must be found.
         """
         match = {
-            name: MatchFrame.load(part, matcher, Refining(), Clean(), min_depth_m=min_depth_m)
+            name: MatchFrame.load(
+                part, matcher, Refining(), Clean(), balance=balance, min_depth_m=min_depth_m
+            )
             for name, part in parts_of(source).items()
         }
         return cls(match, Reproject(max_range_m=overlap.most_m).load(), overlap)
