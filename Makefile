@@ -60,7 +60,8 @@ soak: $(VENV)/installed-dev ## long tests
 INPUTS ?= 10000
 fuzz: $(VENV)/installed-dev ## read damaged files of every format, in processes with bounded memory
 	for format in pcd ply npz bin labels poses rig-yaml rig-xml rig-json rig-body camera-info kalibr \
-		kitti-calib projections k-txt; do \
+		euroc kitti-calib kitti-raw kitti-mounted kitti-bare projections k-txt middlebury camera \
+		trials journal settings; do \
 		$(BIN)/python -m tests.fuzzing $$format $(INPUTS) || exit 1; done
 	$(BIN)/python -m tests.fuzzing mcap 2000
 

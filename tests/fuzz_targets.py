@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,6 +14,8 @@ from typing import Any
 import cv2
 import numpy as np
 
+from pseudolidar.commandline.execute import _values_of
+from pseudolidar.commandline.verbs import load_verb
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.evaluation.map_files import read_map
 from pseudolidar.formats.limits import DEFAULT_LIMITS
@@ -28,18 +31,24 @@ from pseudolidar.formats.recordings.draco_cloud import draco_cloud
 from pseudolidar.formats.recordings.message_store import Channel
 from pseudolidar.formats.recordings.recording_store import open_store
 from pseudolidar.formats.rigs.body_json import read_body, write_body
+from pseudolidar.formats.rigs.camera_file import read_camera as read_one_camera
 from pseudolidar.formats.rigs.k_txt import write_k_txt
 from pseudolidar.formats.rigs.kalibr import write_camchain
-from pseudolidar.formats.rigs.kitti import encode_object_calib
+from pseudolidar.formats.rigs.kitti import CAM_TO_CAM, encode_object_calib, write_raw_calib
+from pseudolidar.formats.rigs.kitti_unrectified import read_unrectified_calib
 from pseudolidar.formats.rigs.middlebury import write_middlebury_calib
 from pseudolidar.formats.rigs.opencv_rig_writers import write_camera_info, write_opencv
 from pseudolidar.formats.rigs.rig_file import read_any_rig
 from pseudolidar.formats.rigs.rig_json import write_rig
-from pseudolidar.formats.rigs.rig_reading import unchanged
+from pseudolidar.formats.rigs.rig_reading import RigReading, unchanged
 from pseudolidar.formats.time_table import read_time_table
 from pseudolidar.formats.timestamps import read_times, read_timestamps
 from pseudolidar.formats.tum import read_associations, read_picture_list, read_tum_trajectory
 from pseudolidar.formats.video.file import VideoFile
+from pseudolidar.geometry.rectification import rectification
+from pseudolidar.running.journal.journal_file import first_line, read_journal
+from pseudolidar.running.reports.rig_report import RigReport
+from pseudolidar.running.tuning.trials import Trials
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from tests.body_rigs import body_rig
@@ -73,6 +82,7 @@ class Reader:
 
 RIG = small_rig()
 SIZE_PX = RIG.left.size_px
+PLACE_M = 0.11
 RAW_RIGS = (raw_rig(4), raw_rig(4, model="fisheye"))
 
 
@@ -128,12 +138,118 @@ def read_camera(path: Path) -> None:
     right = path.with_name("right.yaml")
     if not right.exists():
         right.write_bytes(camera_info()[1])
-    read_any_rig(path.parent, size_px=SIZE_PX)
+    told(read_any_rig(path.parent, size_px=SIZE_PX))
+
+
+def euroc() -> list[bytes]:
+    """The file of the right camera; the left one has the body's axes."""
+    return [sensor_text(PLACE_M).encode()]
+
+
+def sensor_text(place_m: float) -> str:
+    rows = f"[1, 0, 0, {place_m}, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]"
+    return (
+        f"# General\nsensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  data: {rows}\n"
+        "resolution: [752, 480]\ncamera_model: pinhole\nintrinsics: [458.5, 457.5, 367.5, 248.5]\n"
+        "distortion_model: radial-tangential\ndistortion_coefficients: [-0.28, 0.07, 0, 0]\n"
+    )
+
+
+def read_sensor(path: Path) -> None:
+    """The right camera as it is given, beside a whole left one."""
+    left = path.with_name("whole.yaml")
+    if not left.exists():
+        left.write_text(sensor_text(0.0))
+    told(read_any_rig(f"{left},{path}"))
 
 
 def read_rig(path: Path) -> None:
-    reading = read_any_rig(path, size_px=SIZE_PX)
-    assert reading.rectified is not None or reading.raw is not None
+    told(read_any_rig(path, size_px=SIZE_PX))
+
+
+def whole_errors(read: Callable[[Path], Any]) -> Callable[[Path], None]:
+    """The reader; its errors say where, what, what instead, and what to do."""
+
+    def of(path: Path) -> None:
+        try:
+            read(path)
+        except PseudolidarError as error:
+            told = error.as_dict()
+            empty = [key for key in ("path", "where", "got", "want", "fix") if not told[key]]
+            assert not empty, f"{empty} of {error}"  # noqa: PT017
+            raise
+
+    return of
+
+
+def told(reading: RigReading) -> None:
+    """What users see of a rig, and what is done with it."""
+    report = RigReport(reading)
+    assert report.text()
+    assert report.as_dict()["form"]
+
+
+def read_mounted(path: Path) -> None:
+    """KITTI's cameras as they were mounted, rectified."""
+    calibration = read_unrectified_calib(path)
+    told(RigReading(path, "KITTI", raw=calibration.rig((0, 1))))
+
+
+# --- what runs leave behind for the next one ----------------------------------------------------
+
+
+def trials() -> list[bytes]:
+    """The journal of a search with two trials."""
+    judged = {"loss": 0.25, "density": 0.9, "d1_est": None, "d1_filled": None, "seconds": 0.125}
+    lines = [{"schema": 1, "search": SEARCH}]
+    lines += [{"key": f"{n:016x}", "frame": "000000", **judged, "settings": {}} for n in (1, 2)]
+    return ["".join(json.dumps(line) + "\n" for line in lines).encode()]
+
+
+SEARCH = {"source": "room", "matcher": "census"}
+
+
+def read_trials(path: Path) -> None:
+    found = Trials.opened(path, SEARCH, anew=False)
+    for trial in found.known.values():
+        assert trial.judgement.loss >= 0 or trial.judgement.loss < 0
+        assert trial.seconds + trial.judgement.density is not None
+        assert f"{trial.key:>16} {trial.frame}"
+
+
+def journals() -> list[bytes]:
+    """The journal of a run with two frames."""
+    file = {"name": "pcd/000000.pcd", "size": 120, "crc32": 226745309}
+    lines = [first_line({"source": "a", "to": "pcd"}, ("a.mcap",))]
+    figures = {"files": [file], "figures": {"points": 7}, "skipped": None}
+    lines += [{"id": f"{n:06d}", "index": n, **figures} for n in range(2)]
+    return ["".join(json.dumps(line) + "\n" for line in lines).encode()]
+
+
+def settings() -> list[bytes]:
+    """The settings of a run, alone and as its run.json has them."""
+    matcher = {"kind": "census", "quality": "fast", "disparities": None, "penalty_large": 95}
+    given = {"to": "pcd", "matcher": matcher, "crop": None, "normals": False}
+    return [json.dumps(given).encode(), json.dumps({"settings": given, "counts": {}}).encode()]
+
+
+def read_settings(path: Path) -> None:
+    _values_of(load_verb("convert"), path)
+
+
+def kitti_raw() -> list[bytes]:
+    """Of cameras as mounted."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_raw_calib(Path(folder), RAW_RIGS[0], rectified=rectification(RAW_RIGS[0]))
+        return [(Path(folder) / CAM_TO_CAM).read_bytes()]
+
+
+def cameras() -> list[bytes]:
+    """A single camera by its numbers, and as Open3D has it."""
+    named = {"fx": 50.0, "fy": 50.5, "cx": 48.0, "cy": 32.0, "width": 96, "height": 64}
+    matrix = [50.0, 0.0, 0.0, 0.0, 50.5, 0.0, 48.0, 32.0, 1.0]
+    open3d = {"width": 96, "height": 64, "intrinsic_matrix": matrix}
+    return [json.dumps(fields).encode() for fields in (named, open3d)]
 
 
 # --- texts ------------------------------------------------------------------------------------
@@ -276,37 +392,47 @@ def read_video(path: Path) -> None:
 
 
 def _rig(name: str, *writers: Callable[[Path], Any]) -> Reader:
-    return Reader(lambda: written(name, *writers), read_rig, name)
+    return Reader(lambda: written(name, *writers), whole_errors(read_rig), name)
 
 
 READERS = {
     "rig-yaml": Reader(
         lambda: by_opencv("yml") + written("a.yml", partial(write_opencv, rig=RIG)),
-        read_rig,
+        whole_errors(read_rig),
         "a.yml",
     ),
-    "rig-xml": Reader(lambda: by_opencv("xml"), read_rig, "a.xml"),
+    "rig-xml": Reader(lambda: by_opencv("xml"), whole_errors(read_rig), "a.xml"),
     "rig-json": Reader(
         lambda: (
             by_opencv("json")
             + written("a.json", *(partial(write_rig, rig=rig) for rig in (RIG, *RAW_RIGS)))
         ),
-        read_rig,
+        whole_errors(read_rig),
         "a.json",
     ),
     "rig-body": Reader(
-        lambda: written("a.json", partial(write_body, body=body_rig())), read_body, "a.json"
+        lambda: written("a.json", partial(write_body, body=body_rig())),
+        whole_errors(read_body),
+        "a.json",
     ),
-    "camera-info": Reader(lambda: camera_info()[:1], read_camera, "left.yaml"),
+    "camera-info": Reader(lambda: camera_info()[:1], whole_errors(read_camera), "left.yaml"),
     "k-txt": _rig("K.txt", partial(write_k_txt, rig=RIG)),
     "middlebury": _rig("calib.txt", partial(write_middlebury_calib, rig=RIG, ndisp=33)),
-    "kitti-calib": Reader(lambda: [encode_object_calib(RIG)], read_rig, "000000.txt"),
+    "kitti-calib": Reader(lambda: [encode_object_calib(RIG)], whole_errors(read_rig), "000000.txt"),
     "kalibr": Reader(
         lambda: written("camchain.yaml", *(partial(write_camchain, rig=rig) for rig in RAW_RIGS)),
-        read_rig,
+        whole_errors(read_rig),
         "camchain.yaml",
     ),
-    "projections": Reader(projections, read_rig, "camera_data.txt"),
+    "projections": Reader(projections, whole_errors(read_rig), "camera_data.txt"),
+    "euroc": Reader(euroc, whole_errors(read_sensor), "sensor.yaml"),
+    "kitti-bare": Reader(lambda: projections()[1:], whole_errors(read_rig), "calib.txt"),
+    "kitti-raw": Reader(kitti_raw, whole_errors(read_rig), "calib_cam_to_cam.txt"),
+    "kitti-mounted": Reader(kitti_raw, whole_errors(read_mounted), "calib_cam_to_cam.txt"),
+    "camera": Reader(cameras, partial(read_one_camera, size_px=SIZE_PX), "intrinsics.json"),
+    "trials": Reader(trials, read_trials, "trials.jsonl"),
+    "journal": Reader(journals, read_journal, "journal.jsonl"),
+    "settings": Reader(settings, read_settings, "run.json"),
     "times": Reader(
         lambda: TIMES, any_of(read_timestamps, read_times, read_time_table), "times.txt"
     ),

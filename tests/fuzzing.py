@@ -14,6 +14,7 @@ import atexit
 import ctypes
 import json
 import os
+import re
 import resource
 import shutil
 import signal
@@ -56,6 +57,12 @@ TOKENS = (
     b"vertex", b"face", b"vertex_indices", b"element", b"property", b"comment", b"end_header",
     b"FIELDS", b"SIZE", b"TYPE", b"COUNT", b"WIDTH", b"HEIGHT", b"POINTS", b"DATA", b"VIEWPOINT",
     b"pseudolidar shape", b"\xff\xfe", b"\x00", b"\n", b"\r\n", b" ",
+)  # fmt: skip
+_DECIMAL = re.compile(rb"-?[0-9]+\.?[0-9]*(?:[eE][-+]?[0-9]+)?")
+LONGEST_TEXT = 20_000
+VALUES = (
+    b"0", b"-1", b"1e308", b"-1e308", b"1e-308", b"1e400", b"nan", b"-inf", b"null", b"[]", b"{}",
+    b"0.5", b"1e6", b"-0.12", b"1000000000000", b"1,5", b"&a", b"*a", b"!!float 1", b"\t1", b'"1"',
 )  # fmt: skip
 LENGTHS = (0, 1, 2, 3, 127, 128, 255, 256, 2**15, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1)
 
@@ -148,8 +155,27 @@ def _length(data: bytearray, corpus: Sequence[bytes], rng: np.random.Generator) 
     return data
 
 
+def _swap(data: bytearray, corpus: Sequence[bytes], rng: np.random.Generator) -> bytearray:
+    """Two lines exchanged, or the ends of all lines."""
+    lines = bytes(data).split(b"\n")
+    if rng.random() < 0.2:
+        return bytearray((b"\r\n" if rng.random() < 0.5 else b"\r").join(lines))
+    i, j = (int(rng.integers(len(lines))) for _ in range(2))
+    lines[i], lines[j] = lines[j], lines[i]
+    return bytearray(b"\n".join(lines))
+
+
+def _value(data: bytearray, corpus: Sequence[bytes], rng: np.random.Generator) -> bytearray:
+    """Another number, or none, in place of one that stands anywhere in a text."""
+    found = list(_DECIMAL.finditer(data[:LONGEST_TEXT]))
+    if found:
+        at = found[int(rng.integers(len(found)))]
+        data[at.start() : at.end()] = VALUES[int(rng.integers(len(VALUES)))]
+    return data
+
+
 CHANGES = (
-    _flip, _bytes, _cut, _remove, _repeat, _splice, _token, _line, _number, _length,
+    _flip, _bytes, _cut, _remove, _repeat, _splice, _token, _line, _number, _length, _swap, _value,
 )  # fmt: skip
 
 

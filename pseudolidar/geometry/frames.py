@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from pseudolidar.errors import StructureError
+from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.motion import BodyMotion
 from pseudolidar.structures.pose import Pose
 
 # Names of REP-105.
@@ -28,6 +30,25 @@ def left_in_base_link(rig: StereoRig) -> Pose:
     T_imu_velodyne = None if rig.T_velodyne_imu is None else rig.T_velodyne_imu.inverse()
     T_body_left = T_velodyne_left if T_imu_velodyne is None else T_imu_velodyne @ T_velodyne_left
     return Pose(BASE_LINK, left, T_body_left.matrix)
+
+
+def on_moved_base(
+    pose: Pose | None, motion: BodyMotion | None, T_new_old: Float64
+) -> tuple[Pose | None, BodyMotion | None]:
+    """Pose and motion of the body where another place on it becomes `base_link`.
+
+    `map` moves with it, so that it still is where `base_link` was when the pose was the identity.
+
+    Args:
+        pose: `T_map_base_link`, where it is known.
+        motion: of `base_link`, where it is known.
+        T_new_old: (4, 4) the old `base_link` in the new one.
+    """
+    T = Pose(BASE_LINK, BASE_LINK, T_new_old)
+    if pose is not None:
+        matrix = T.matrix @ pose.matrix @ T.inverse().matrix
+        pose = Pose(pose.dst, pose.src, matrix)
+    return pose, motion and motion.at(T)
 
 
 def frame_tree(rig: StereoRig, pose: Pose | None = None) -> tuple[Pose, ...]:

@@ -30,6 +30,8 @@ SMALLEST_ZOOM, LARGEST_ZOOM = 0.05, 20.0
 LEAST_SIDE_PX = 16
 # Pictures of pinhole lenses are not cut: what is this far off the axis is in none of them.
 PINHOLE_FIELD_DEG = 176.0
+# So near to each other, px, two sides leave nothing between them.
+LEAST_PX = 1e-6
 # Points along a side of a picture by which its outline is known, as in OpenCV.
 OUTLINE_POINTS = 9
 # The baseline must be this much along the rows: the cosine of 60 degrees.
@@ -180,7 +182,7 @@ def _flat_intrinsics(
         free = -x[:, 0].max(), x[:, -1].min(), -y[0].max(), y[-1].min()
         whole = -x.min(), x.max(), -y.min(), y.max()
         room = before[0], behind[0], before[1], behind[1]
-        if min(free) <= 0 or min(room) <= 0:
+        if min(free) < LEAST_PX or min(room) < LEAST_PX:
             raise CalibrationValue(
                 "cameras that look in such different directions that no picture of both is left",
                 want="cameras that look the same way",

@@ -11,7 +11,7 @@ from pseudolidar.formats.rigs.rig_file import read_any_rig
 from pseudolidar.formats.rigs.rig_json import rig_notes
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.sources.over import SourceOver
-from pseudolidar.sources.rig_size import fitting_rig
+from pseudolidar.sources.rig_size import IN_METRES, fitting_rig, with_sensors_of
 from pseudolidar.sources.source import FrameSequence, SourceSummary
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import RawPair
@@ -51,16 +51,10 @@ def with_raw_rig(
         )
     rig = fitting_rig(reading.raw, size_px, scale_calibration=scale_calibration, path=file)
     own = source.rig
-    mounted = rig
-    if rig.metric:  # where lengths are no metres, nothing that is measured in them has a place
-        mounted = replace(
-            rig,
-            T_left_velodyne=rig.lidar_of(own),
-            T_velodyne_imu=own.T_velodyne_imu or rig.T_velodyne_imu,
-        )
     said = f"rig: {rig.origin or 'given'}, instead of {own.origin or 'that of the source'}"
-    notes = (said, *reading.notes, *rig_notes(rig))
-    return RawRiggedSource(source, mounted, tuple(dict.fromkeys(notes)))
+    aside = () if rig.metric else (IN_METRES,)
+    notes = (said, *aside, *reading.notes, *rig_notes(rig))
+    return RawRiggedSource(source, with_sensors_of(own, rig), tuple(dict.fromkeys(notes)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,4 +80,7 @@ class RawRiggedSource(SourceOver):
 
     def load(self, index: int) -> RawPair:
         """Frame `index` with the given rig."""
-        return replace(cast("RawPair", self.source.load(index)), rig=self.rig)
+        pair = cast("RawPair", self.source.load(index))
+        if not self.rig.metric:
+            return replace(pair, rig=self.rig, pose=None, motion=None, scan=None)
+        return replace(pair, rig=self.rig)

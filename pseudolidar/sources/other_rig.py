@@ -14,18 +14,16 @@ from pseudolidar.errors import NotRectified
 from pseudolidar.formats.rigs.rig_file import read_any_rig
 from pseudolidar.formats.rigs.rig_json import rig_notes
 from pseudolidar.formats.rigs.rig_reading import RigUnit
-from pseudolidar.geometry.frames import BASE_LINK, left_in_base_link
+from pseudolidar.geometry.frames import left_in_base_link, on_moved_base
 from pseudolidar.sources.aligned_rows import with_rows_aligned
 from pseudolidar.sources.body import Body, with_rig_file
-from pseudolidar.sources.changed import ChangedSource
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.other_raw_rig import with_raw_rig
 from pseudolidar.sources.over import SourceOver
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.sources.rectified import Rectify, with_pairs_rectified
-from pseudolidar.sources.rig_size import fitting_rig
+from pseudolidar.sources.rig_size import IN_METRES, fitting_rig, with_sensors_of
 from pseudolidar.sources.scans_put_right import Scans, with_scans_put_right
-from pseudolidar.sources.selection import SelectedSource
 from pseudolidar.sources.source import (
     FrameSequence,
     FrameSource,
@@ -36,8 +34,10 @@ from pseudolidar.sources.source import (
 from pseudolidar.sources.swapped import swapped
 from pseudolidar.sources.tum_depth import TumDepth
 from pseudolidar.sources.video.videos import Video
+from pseudolidar.sources.wrapped import unwrapped
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import RawPair, StereoFrame
+from pseudolidar.structures.motion import BodyMotion
 from pseudolidar.structures.pose import Pose
 from pseudolidar.structures.recorded import Frame, HeldFrame
 
@@ -196,34 +196,28 @@ class RiggedSource(SourceOver):
         """
         frame = self.source.load(index)
         rig = self._on(frame.rig)
-        return replace(frame, rig=rig, pose=_on_body(frame, rig))
+        if not rig.metric:
+            return replace(frame, rig=rig, pose=None, motion=None, scan=None, labels=None)
+        pose, motion = _on_body(frame, rig)
+        return replace(frame, rig=rig, pose=pose, motion=motion)
 
     def _on(self, own: StereoRig) -> StereoRig:
         rig = fitting_rig(self.given, own.left.size_px, scale_calibration=self.scale_calibration)
-        return replace(
-            rig,
-            T_left_velodyne=rig.lidar_of(own),
-            T_velodyne_imu=own.T_velodyne_imu or rig.T_velodyne_imu,
-        )
+        return with_sensors_of(own, rig)
 
 
 def replaced_rig(source: FrameSequence[Frame]) -> StereoRig | None:
     """The source's own rig, where another one replaces it."""
-    if isinstance(source, RiggedSource):
-        return source.source.rig
-    if isinstance(source, ChangedSource | SelectedSource):
-        return replaced_rig(source.source)
-    return None
+    inner = unwrapped(source)
+    return inner.source.rig if isinstance(inner, RiggedSource) else None
 
 
-def _on_body(frame: StereoFrame, rig: StereoRig) -> Pose | None:
-    """The frame's pose for the `base_link` of `rig`, which may be another sensor."""
+def _on_body(frame: StereoFrame, rig: StereoRig) -> tuple[Pose | None, BodyMotion | None]:
+    """The frame's pose and motion for the `base_link` of `rig`, which may be another sensor."""
     old, new = left_in_base_link(frame.rig), left_in_base_link(rig)
-    if frame.pose is None or np.array_equal(old.matrix, new.matrix):
-        return frame.pose
-    T_new_old = Pose(BASE_LINK, BASE_LINK, new.matrix @ old.inverse().matrix)
-    matrix = T_new_old.matrix @ frame.pose.matrix @ T_new_old.inverse().matrix
-    return Pose(frame.pose.dst, frame.pose.src, matrix)
+    if np.array_equal(old.matrix, new.matrix):
+        return frame.pose, frame.motion
+    return on_moved_base(frame.pose, frame.motion, new.matrix @ old.inverse().matrix)
 
 
 def calibration_date(origin: str) -> datetime.date | None:
@@ -241,4 +235,5 @@ def _notes(own: StereoRig, given: StereoRig) -> tuple[str, ...]:
     dates = calibration_date(own.origin), calibration_date(given.origin)
     if None not in dates and dates[0] != dates[1]:
         notes.append(f"warning: the rig is of {dates[1]}, the source's calibration of {dates[0]}")
+    notes += [] if given.metric else [IN_METRES]
     return (*notes, *rig_notes(given))

@@ -11,8 +11,9 @@ import numpy as np
 
 from pseudolidar.formats.rigs.rig_json import rig_text
 from pseudolidar.formats.rigs.rig_reading import Pictures
-from pseudolidar.geometry.frames import BASE_LINK, left_in_base_link
+from pseudolidar.geometry.frames import left_in_base_link, on_moved_base
 from pseudolidar.geometry.lens import Lens
+from pseudolidar.geometry.odd_rig import field_deg
 from pseudolidar.geometry.rectification import (
     FISHEYE_FIELD_DEG,
     Rectification,
@@ -20,15 +21,15 @@ from pseudolidar.geometry.rectification import (
 )
 from pseudolidar.geometry.rectified_pixels import PairMaps
 from pseudolidar.geometry.virtual_views import virtual_views
-from pseudolidar.sources.changed import ChangedSource
 from pseudolidar.sources.over import SourceOver
-from pseudolidar.sources.selection import SelectedSource
 from pseudolidar.sources.source import FrameSequence, SourceSummary
 from pseudolidar.sources.swapped import swapped
+from pseudolidar.sources.wrapped import rewrapped, unwrapped
 from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import RawPair, StereoFrame
 from pseudolidar.structures.image_size import ImageSize
+from pseudolidar.structures.motion import BodyMotion
 from pseudolidar.structures.pose import Pose
 from pseudolidar.structures.recorded import Frame, HeldFrame
 
@@ -119,29 +120,30 @@ def in_one_view(source: FrameSequence[Frame]) -> FrameSequence[Frame]:
     """The source with one flat picture of each eye, where it has several views."""
     if source.yields is not BodyFrame:
         return source
-    if isinstance(source, RectifiedSource):
-        return with_pairs_rectified(source.source, replace(source.rectify, views=1, size=None))
-    if isinstance(source, ChangedSource | SelectedSource):
-        return replace(source, source=in_one_view(source.source))
-    return source
+    return rewrapped(source, _one_view)
+
+
+def _one_view(source: FrameSequence[Frame]) -> FrameSequence[Frame]:
+    if not isinstance(source, RectifiedSource):
+        return source
+    return with_pairs_rectified(source.source, replace(source.rectify, views=1, size=None))
 
 
 def exchanged(source: FrameSequence[Frame]) -> FrameSequence[Frame]:
     """The source with the pictures of unrectified pairs exchanged before they are rectified."""
-    if isinstance(source, RectifiedSource):
-        return replace(source, source=swapped(source.source))
-    if isinstance(source, ChangedSource | SelectedSource):
-        return replace(source, source=exchanged(source.source))
-    return source
+    return rewrapped(source, _exchanged)
+
+
+def _exchanged(source: FrameSequence[Frame]) -> FrameSequence[Frame]:
+    if not isinstance(source, RectifiedSource):
+        return source
+    return replace(source, source=swapped(source.source))
 
 
 def raw_rig(source: FrameSequence[HeldFrame]) -> StereoRig | None:
     """The rig of the pictures as they were taken, where they are rectified as they load."""
-    if isinstance(source, RectifiedSource):
-        return source.source.rig
-    if isinstance(source, ChangedSource | SelectedSource):
-        return raw_rig(source.source)
-    return None
+    inner = unwrapped(source)
+    return inner.source.rig if isinstance(inner, RectifiedSource) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +234,7 @@ def rectified(pair: RawPair, rectify: Rectify) -> StereoFrame | BodyFrame:
         id=pair.id,
         index=pair.index,
         timestamp_ns=pair.timestamp_ns,
-        pose=_on_body(pair, straight),
+        pose=_on_body(pair, straight)[0],
         scan=None if lidar is None else pair.scan,
         T_base_link_lidar=lidar and T_base_left @ lidar,
         notes=pair.notes,
@@ -242,6 +244,7 @@ def rectified(pair: RawPair, rectify: Rectify) -> StereoFrame | BodyFrame:
 def _flat(pair: RawPair, plan: Rectification) -> StereoFrame:
     maps = PairMaps.of(plan)
     left, right = maps.apply(pair.left, pair.right)
+    pose, motion = _on_body(pair, plan)
     return StereoFrame(
         left,
         right,
@@ -250,8 +253,8 @@ def _flat(pair: RawPair, plan: Rectification) -> StereoFrame:
         pair.index,
         pair.timestamp_ns,
         scan=pair.scan,
-        pose=_on_body(pair, plan),
-        motion=pair.motion,
+        pose=pose,
+        motion=motion,
         notes=pair.notes,
         mask=maps.mask,
     )
@@ -268,23 +271,22 @@ def _words(raw: StereoRig) -> str:
     return f"unrectified cameras: sha256 {hashlib.sha256(text.encode()).hexdigest()}"
 
 
-def _on_body(pair: RawPair, plan: Rectification) -> Pose | None:
-    """The pair's pose for the `base_link` of the rectified rig, which turns with the left camera.
+def _on_body(pair: RawPair, plan: Rectification) -> tuple[Pose | None, BodyMotion | None]:
+    """Pose and motion for the `base_link` of the rectified rig, which turns with the left camera.
 
     Where a LiDAR or an IMU is the body, nothing changes.
     """
-    if pair.pose is None or pair.rig.T_left_velodyne is not None:
-        return pair.pose
+    if pair.rig.T_left_velodyne is not None:
+        return pair.pose, pair.motion
     T_new_old = left_in_base_link(plan.rig).matrix @ plan.T_rectified_left.matrix
     T_new_old = T_new_old @ left_in_base_link(pair.rig).inverse().matrix
-    T_old_new = Pose(BASE_LINK, BASE_LINK, T_new_old).inverse().matrix
-    return Pose(pair.pose.dst, pair.pose.src, T_new_old @ pair.pose.matrix @ T_old_new)
+    return on_moved_base(pair.pose, pair.motion, T_new_old)
 
 
 def _note(raw: StereoRig, plans: tuple[Rectification, ...], rectify: Rectify) -> str:
     """What is done, in one line: lenses, size, focal length, field of view."""
     camera = plans[0].rig.left
-    fields = _field_deg(plans[0].rig)
+    fields = field_deg(camera)
     kinds = dict.fromkeys(
         _lens_text(eye.model, len(eye.distortion)) for eye in (raw.left, raw.right)
     )
@@ -304,17 +306,6 @@ def _note(raw: StereoRig, plans: tuple[Rectification, ...], rectify: Rectify) ->
 
 def _lens_text(model: str, coefficients: int) -> str:
     return f"{model} lenses ({coefficients} coefficients)" if coefficients else f"{model} lenses"
-
-
-def _field_deg(rig: StereoRig) -> tuple[float, float]:
-    """Width and height of what the left picture shows, degrees."""
-    K, size = rig.left.K, rig.left.size_px
-    sides = [
-        np.rad2deg(np.arctan(K[axis, 2] / K[axis, axis]))
-        + np.rad2deg(np.arctan((size[axis] - 1 - K[axis, 2]) / K[axis, axis]))
-        for axis in (0, 1)
-    ]
-    return float(sides[0]), float(sides[1])
 
 
 def _seen_deg(raw: StereoRig) -> float:

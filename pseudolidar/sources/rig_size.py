@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from pseudolidar.errors import CalibrationSizeMismatch
 from pseudolidar.structures.camera import StereoRig
+
+# What is said of a source whose frames lose what was measured in metres.
+IN_METRES = "scans and poses of the source left aside: lengths of the rig are no metres"
 
 
 def fitting_rig(
@@ -35,4 +39,19 @@ def fitting_rig(
         want=f"{eye_px[0]}x{eye_px[1]}, the size of the images",
         fix="Pass --scale-calibration if the images were resized, or the right rig.",
         path=path,
+    )
+
+
+def with_sensors_of(own: StereoRig, rig: StereoRig) -> StereoRig:
+    """A rig that replaces a source's own, with what the source knows of LiDAR and IMU.
+
+    The LiDAR is raised as `rig` knows; where the source has none, those of `rig` count. Where lengths are no metres,
+    nothing that is measured in metres has a place.
+    """
+    if not rig.metric:
+        return replace(rig, T_left_velodyne=None, T_velodyne_imu=None)
+    return replace(
+        rig,
+        T_left_velodyne=rig.lidar_of(own),
+        T_velodyne_imu=own.T_velodyne_imu or rig.T_velodyne_imu,
     )

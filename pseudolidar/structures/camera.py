@@ -71,7 +71,7 @@ class Camera:
                 f"focal lengths {fx:g}, {fy:g} px", want="positive", where=f"{self.frame}.K"
             )
         widths = np.array([fx, fy]) / self.width_px
-        if max(widths.max(), 1 / widths.min()) > LARGEST_FOCAL:
+        if widths.max() > LARGEST_FOCAL or widths.min() < 1 / LARGEST_FOCAL:
             raise CalibrationValue(
                 f"focal lengths {fx:g}, {fy:g} px of pictures {self.width_px} px wide",
                 want="lengths in pixels",

@@ -13,6 +13,8 @@ from pseudolidar.structures.arrays import AnyArray, Float64, Int64, check_array
 # A rotation read from a text file with 6-7 digits is orthonormal to about 1e-6; beyond 1e-3 it is
 # none.
 ROTATION_TOLERANCE = 1e-3
+# Products of larger ones overflow.
+LARGEST_ELEMENT = 1e50
 
 AnyPoints = TypeVar("AnyPoints", bound=AnyArray)
 
@@ -117,6 +119,24 @@ class Trajectory:
 
 
 def rotation_error(R: Float64) -> float:
-    """Largest deviation of `R` (3, 3) from a rotation: of `R R^T` from I, of det from 1."""
+    """Largest deviation of `R` (3, 3) from a rotation: of `R R^T` from I, of det from 1.
+
+    Infinite where an element is so far from any of a rotation, or none, that it means nothing.
+    """
+    if not (np.abs(R) <= LARGEST_ELEMENT).all():
+        return float("inf")
     orthonormality = np.abs(R @ R.T - np.eye(3)).max()
-    return float(max(orthonormality, abs(np.linalg.det(R) - 1.0)))
+    return float(max(orthonormality, abs(_determinant(R) - 1.0)))
+
+
+def rotation_fault(R: Float64) -> str:
+    """How far a matrix (3, 3) is from a rotation, in words."""
+    error = rotation_error(R)
+    if not error < LARGEST_ELEMENT:
+        return "numbers beyond any of a rotation"
+    return f"off by {error:.2g}, determinant {_determinant(R):.4g}"
+
+
+def _determinant(R: Float64) -> float:
+    with np.errstate(all="ignore"):  # of products that are too small for a number
+        return float(np.linalg.det(R))

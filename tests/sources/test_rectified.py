@@ -14,9 +14,10 @@ import pytest
 from pseudolidar.errors import CalibrationSizeMismatch, NoPairs, NotRectified, UsageError
 from pseudolidar.formats.pictures.image import encode_png
 from pseudolidar.formats.rigs.rig_json import write_rig
-from pseudolidar.geometry.frames import BASE_LINK, MAP
+from pseudolidar.geometry.frames import BASE_LINK, MAP, left_in_base_link
 from pseudolidar.geometry.rectification import aligning_rotations
 from pseudolidar.geometry.rectified_pixels import unmasked
+from pseudolidar.geometry.twists import exp_twist
 from pseudolidar.sources.folder import Folders
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.rectified import Rectify, exchanged, in_one_view, raw_rig, rectified
@@ -215,6 +216,32 @@ def test_the_body_turns_with_the_left_camera_unless_it_is_another_sensor(pinhole
     lidar = Pose("camera_left", "velodyne", np.eye(4))
     mounted = replace(pair, rig=replace(pair.rig, T_left_velodyne=lidar))
     assert rectified(mounted, Rectify()).pose is pair.pose
+
+
+def test_a_moving_body_moves_on_as_it_did(pinhole: RawPair) -> None:
+    """By motion from the pose before to the pose after, with the left camera as the body."""
+    twist, step_s = np.array([4.0, 0.5, -0.2, 0.1, -0.3, 0.6]), 0.05
+    motion = BodyMotion(BASE_LINK, twist[:3], twist[3:])
+    start = exp_twist(np.array([1.0, 2.0, 0.5, 0.1, 0.2, 0.3]))
+    before, after = (
+        rectified(replace(pinhole, pose=Pose(MAP, BASE_LINK, matrix), motion=motion), Rectify())
+        for matrix in (start, start @ exp_twist(step_s * twist))
+    )
+    assert before.motion.frame == BASE_LINK
+    moved = np.concatenate([before.motion.velocity_m_s, before.motion.rate_rad_s])
+    by_motion = before.pose.matrix @ exp_twist(step_s * moved)
+    np.testing.assert_allclose(after.pose.matrix, by_motion, atol=1e-12)
+    # A point of the world is one point of the map, whichever frame it is seen in.
+    R_left = aligning_rotations(pinhole.rig.T_right_left)[0]
+    seen = np.array([[0.3, -0.2, 4.0], [-1.0, 0.5, 9.0]])
+    T_base_left = left_in_base_link(pinhole.rig)
+    T_left_left = T_base_left.inverse().matrix @ exp_twist(-step_s * twist) @ T_base_left.matrix
+    later = seen @ T_left_left[:3, :3].T + T_left_left[:3, 3]
+    in_map = [
+        (frame.pose @ left_in_base_link(frame.rig)).apply(points @ R_left.T)
+        for frame, points in ((before, seen), (after, later))
+    ]
+    np.testing.assert_allclose(in_map[0], in_map[1], atol=1e-12)
 
 
 def with_lidar(pair: RawPair) -> RawPair:

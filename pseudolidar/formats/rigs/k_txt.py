@@ -42,7 +42,10 @@ def read_k_numbers(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> tuple[Floa
             raise line.refusal(f"more than {NUMBERS} numbers", want="K, and the baseline in metres")
     if len(numbers) not in (NUMBERS - 1, NUMBERS):
         raise CalibrationSyntax(
-            f"{len(numbers)} numbers", want="9 of K, row by row, and the baseline", path=path
+            f"{len(numbers)} numbers",
+            want="9 of K, row by row, and the baseline",
+            path=path,
+            where=f"line {len(lines)}",
         )
     K = np.array(numbers[:9]).reshape(3, 3)
     if not np.array_equal(K[2], (0.0, 0.0, 1.0)) or K[1, 0] != 0:

@@ -96,6 +96,7 @@ def read_camchain(
             want="cam1 with T_cn_cnm1",
             fix="Calibrate both cameras in one run of Kalibr.",
             path=path,
+            where="keys",
         )
     left, right = chain[:2]
     assert right.T_camera_previous is not None
@@ -123,7 +124,9 @@ def read_chain(path: Path, *, limits: Limits = DEFAULT_LIMITS) -> tuple[ChainedC
     numbers = sorted(int(m[1]) for name in fields if (m := _CAMERA.fullmatch(name)))
     if len(documents) > 1 or not numbers or numbers != list(range(len(numbers))):
         found = ", ".join(list(fields)[:20]) or "nothing"
-        raise CalibrationField(f"found {found}", want="cam0, cam1, ... in one document", path=path)
+        raise CalibrationField(
+            f"found {found}", want="cam0, cam1, ... in one document", path=path, where="keys"
+        )
     frames = [LEFT, RIGHT, *(f"cam{number}" for number in numbers[2:])]
     nodes = [fields[f"cam{number}"] for number in numbers]
     return tuple(_chained(nodes, frames, number) for number in numbers)

@@ -7,6 +7,7 @@ are in rectified camera 0, while the left picture is camera 2 or camera 0. Elsew
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -104,7 +105,7 @@ class KittiCalibration:
     def _T_right_left(self, left: int, right: int) -> Pose:
         offset_m = self._offset_m(right) - self._offset_m(left)
         pose = Pose.from_rotation(RIGHT_FRAME, LEFT_FRAME, np.eye(3), offset_m)
-        distance_m = float(np.linalg.norm(offset_m))
+        distance_m = math.hypot(*offset_m)
         if distance_m > LARGEST_BASELINE_M:
             raise CalibrationUnits(
                 f"cameras {distance_m:g} m apart",

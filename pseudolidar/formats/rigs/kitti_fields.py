@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from pseudolidar.formats.rigs.key_values import KeyValues, read_key_values
 from pseudolidar.formats.rigs.kitti_calibration import FRAME_CAM0, WHICH_LAYOUT
 from pseudolidar.formats.rigs.rig_parts import FARTHEST_SENSOR_M
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.pose import ROTATION_TOLERANCE, Pose, rotation_error
+from pseudolidar.structures.pose import ROTATION_TOLERANCE, Pose, rotation_error, rotation_fault
 
 # KITTI writes 7 digits, so that a product of two of its rotations is off by some 1e-6.
 ROTATION_NOTED = 1e-5
@@ -65,7 +66,7 @@ def check_rotation(fields: KeyValues, key: str, R: Float64, notes: list[str]) ->
     error = rotation_error(R)
     if not error <= ROTATION_TOLERANCE:
         raise CalibrationValue(
-            f"{key} is no rotation: off by {error:.2g}, determinant {np.linalg.det(R):.4g}",
+            f"{key} is no rotation: {rotation_fault(R)}",
             want=f"orthonormal to {ROTATION_TOLERANCE:g}, determinant 1",
             path=fields.path,
             where=f"{key}, line {fields.lines[key]}",
@@ -75,7 +76,7 @@ def check_rotation(fields: KeyValues, key: str, R: Float64, notes: list[str]) ->
 
 
 def _near(pose: Pose, fields: KeyValues, key: str) -> Pose:
-    distance_m = float(np.linalg.norm(pose.translation_m))
+    distance_m = math.hypot(*pose.translation_m)
     if distance_m > FARTHEST_SENSOR_M:
         raise CalibrationValue(
             f"{pose.src} {distance_m:g} m from {pose.dst}",

@@ -191,7 +191,11 @@ def _projections(fields: StereoFields) -> dict[str, Float64]:
 
 def _offset(P: Float64, fields: StereoFields, eye: int) -> Float64:
     """Translation of P = K [I | t]."""
-    if not np.array_equal(P[2, :3], (0.0, 0.0, 1.0)) or P[1, 0] != 0 or not P[0, 0] * P[1, 1] > 0:
+    if (
+        not np.array_equal(P[2, :3], (0.0, 0.0, 1.0))
+        or P[1, 0] != 0
+        or not np.sign(P[0, 0]) * np.sign(P[1, 1]) > 0
+    ):
         raise CalibrationValue(
             "no projection of a rectified camera",
             want="K [I | t] with focal lengths above 0 and third row 0 0 1",

@@ -55,6 +55,7 @@ def read_projection_pair(
             want="two: of the left camera and of the right one",
             fix="Give both files with a comma between them: LEFT,RIGHT.",
             path=files[0],
+            where=matrices[0].where if matrices else "line 1",
         )
     left, right = _by_name(matrices)
     if size_px is None:

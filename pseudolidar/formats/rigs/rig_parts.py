@@ -5,6 +5,7 @@ Errors are those of `rig_fields`, and `CalibrationValue` for what no camera or r
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Literal, cast
 
@@ -31,7 +32,7 @@ from pseudolidar.formats.rigs.rig_fields import (
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import LEFT_FRAME, RIGHT_FRAME, Camera
 from pseudolidar.structures.correction import DisparityCorrection, RowCorrection, SigmaScale
-from pseudolidar.structures.pose import Pose, rotation_error
+from pseudolidar.structures.pose import Pose, rotation_fault
 
 LEFT, RIGHT, VELODYNE, IMU = LEFT_FRAME, RIGHT_FRAME, "velodyne", "imu"
 # Numbers of OpenCV's lens models: k1 k2 p1 p2 [k3 [k4 k5 k6 [s1-s4 [tx ty]]]]; fisheye k1-k4.
@@ -42,6 +43,8 @@ LARGEST_BASELINE_M = 10.0
 FARTHEST_SENSOR_M = 50.0
 # More than 6 degrees are no error of a LiDAR's calibration.
 LARGEST_PITCH_RAD = 0.1
+# Cameras this near to each other are at one place.
+NOWHERE_M = 1e-9
 
 
 def camera(node: Node, size_px: tuple[int, int], frame: str) -> Camera:
@@ -135,7 +138,7 @@ def T_right_left(root: Node, fields: Mapping[str, Node]) -> Pose:
 def _checked_pair(pose: Pose, node: Node) -> Pose:
     """The pose, if the right camera is neither where the left one is nor left of it."""
     x, y, z = np.abs(place := pose.inverse().translation_m)
-    if max(x, y, z) == 0 or (place[0] < 0 and x > max(y, z)):
+    if max(x, y, z) < NOWHERE_M or (place[0] < 0 and x > max(y, z)):
         raise CalibrationValue(
             f"baseline {place[0]:g} m"
             + (": the camera called left stands right of the other" if place.any() else ""),
@@ -148,7 +151,7 @@ def _checked_pair(pose: Pose, node: Node) -> Pose:
 
 
 def _checked_length(pose: Pose, node: Node, most_m: float = LARGEST_BASELINE_M) -> Pose:
-    distance_m = float(np.linalg.norm(pose.translation_m))
+    distance_m = math.hypot(*pose.translation_m)
     if distance_m > most_m:
         cameras = (pose.dst, pose.src) == (RIGHT, LEFT)
         raise CalibrationValue(
@@ -175,7 +178,7 @@ def _pose(node: Node, dst: str, src: str) -> Pose:
         return Pose.from_rotation(dst, src, R, t_m)
     except StructureError:
         raise CalibrationValue(
-            f"R is no rotation: off by {rotation_error(R):.2g}",
+            f"R is no rotation: {rotation_fault(R)}",
             want="orthonormal rows and determinant 1, to 1e-3",
             path=node.path,
             where=fields["R"].where,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,12 +17,12 @@ from pseudolidar.errors import (
     NotRectified,
     StructureError,
 )
-from pseudolidar.formats.rigs.rig_parts import LARGEST_BASELINE_M, LEFT, RIGHT
+from pseudolidar.formats.rigs.rig_parts import LARGEST_BASELINE_M, LEFT, NOWHERE_M, RIGHT
 from pseudolidar.geometry.rectification import Rectification
 from pseudolidar.geometry.unrectified import side_word, why_unrectified
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import StereoRig
-from pseudolidar.structures.pose import Pose, rotation_error
+from pseudolidar.structures.pose import Pose, rotation_fault
 
 RigUnit = Literal["m", "cm", "mm"]
 # What pictures are taken for, where a calibration knows raw and rectified cameras.
@@ -118,7 +119,7 @@ def in_metres(t: Float64, unit: RigUnit | None, *, path: Path, where: str) -> Fl
     Raises:
         CalibrationUnits: cameras further apart than any rig has them, and no unit given.
     """
-    distance = float(np.linalg.norm(t))
+    distance = math.hypot(*t)  # which does not overflow
     if unit is None and distance > LARGEST_BASELINE_M:
         raise CalibrationUnits(
             f"cameras {distance:g} apart, in a unit that the file does not say",
@@ -139,7 +140,7 @@ def checked_order(T_right_left: Pose, *, path: Path, where: str) -> Pose:
             the other.
     """
     x, y, z = place = T_right_left.inverse().translation_m
-    if not place.any():
+    if not np.abs(place).max() > NOWHERE_M:
         raise CalibrationValue(
             "baseline 0: both cameras at one place",
             want="two cameras apart",
@@ -199,7 +200,7 @@ def pose_right_left(R: Float64, t: Float64, *, path: Path, where: str) -> Pose:
         return Pose.from_rotation(RIGHT, LEFT, R, t)
     except StructureError:
         raise CalibrationValue(
-            f"R is no rotation: off by {rotation_error(R):.2g}, determinant {np.linalg.det(R):.4g}",
+            f"R is no rotation: {rotation_fault(R)}",
             want="orthonormal to 1e-3, determinant 1",
             path=path,
             where=where,

@@ -115,9 +115,12 @@ def write_any_rig(
     Raises:
         UsageError: the name says no form; two files for a form of one.
         NotRectified, CalibrationField, StructureError: the form cannot hold this rig.
+        CalibrationUnits: lengths that are no metres, in a form that has metres.
         OutputError: a file cannot be written.
     """
     form = form or form_of(out)
+    if form != "rig":
+        reading.of_pictures.check_metric()
     notes: list[str] = []
     path, files = Path(out), files_of(out, form)
     match form:
@@ -191,6 +194,8 @@ def _lost(reading: RigReading, form: RigForm) -> list[str]:
         "the IMU's place": rig.T_velodyne_imu is not None
         and form not in ("kitti-raw", "kitti-object"),
         "the sizes of the pictures": form in OF_RECTIFIED,
+        "that the rectified eyes have one size": form == "ros"
+        and rig.left.size_px != rig.right.size_px,
         "what stands off the row": form == "k-txt"
         and bool(np.abs(rig.T_right_left.translation_m[1:]).any()),
     }

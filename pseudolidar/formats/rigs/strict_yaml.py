@@ -49,13 +49,16 @@ def _documents(text: str, path: str | Path) -> list[tuple[int, int]]:
     marks = list(islice(_DOCUMENT.finditer(text), MOST_DOCUMENTS + 1))
     if len(marks) > MOST_DOCUMENTS:
         raise LimitError(
-            f"more than {MOST_DOCUMENTS} documents", want="a calibration", path=str(path)
+            f"more than {MOST_DOCUMENTS} documents",
+            want="a calibration",
+            path=str(path),
+            where=f"line {text.count(chr(10), 0, marks[-1].start()) + 1}",
         )
     begins = [0, *(mark.end() for mark in marks)]
     ends = [*(mark.start() for mark in marks), len(text)]
     spans = [span for span in zip(begins, ends, strict=True) if _has_content(text[slice(*span)])]
     if not spans:
-        raise CalibrationSyntax("nothing in the file", want="KEY: value", path=path)
+        raise CalibrationSyntax("nothing in the file", want="KEY: value", path=path, where="line 1")
     return spans
 
 

@@ -112,11 +112,17 @@ class Trials:
 
 
 def _trial(record: dict[str, Any]) -> Trial:
-    judged = {name: record[name] for name in ("loss", "density", "d1_est", "d1_filled")}
-    if judged["loss"] is None:
-        judged["loss"] = math.inf
-    seconds = math.inf if record["seconds"] is None else record["seconds"]
-    return Trial(record["key"], record["frame"], Judgement(**judged), seconds)
+    shares = (record[name] for name in ("d1_est", "d1_filled"))
+    d1_est, d1_filled = (None if share is None else float(share) for share in shares)
+    loss = _or_infinite(record["loss"])
+    judgement = Judgement(loss, float(record["density"]), d1_est=d1_est, d1_filled=d1_filled)
+    key, frame = str(record["key"]), str(record["frame"])
+    return Trial(key, frame, judgement, _or_infinite(record["seconds"]))
+
+
+def _or_infinite(value: Any) -> float:
+    """The number, or infinity where it was not finite, which JSON cannot say."""
+    return math.inf if value is None else float(value)
 
 
 def _check_same(path: Path, line: bytes, first: dict[str, Any]) -> None:

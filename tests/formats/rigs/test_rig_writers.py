@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import cv2
 import numpy as np
 import pytest
 
 from pseudolidar.errors import (
+    CalibrationUnits,
     NotRectified,
     StructureError,
     UsageError,
@@ -19,7 +21,7 @@ from pseudolidar.formats.rigs.kitti import write_raw_calib
 from pseudolidar.formats.rigs.rig_file import read_any_rig
 from pseudolidar.formats.rigs.rig_json import read_rig, write_rig
 from pseudolidar.formats.rigs.rig_reading import RigReading
-from pseudolidar.formats.rigs.rig_writers import form_of, write_any_rig
+from pseudolidar.formats.rigs.rig_writers import RigForm, form_of, write_any_rig
 from pseudolidar.geometry.rectification import rectification
 from pseudolidar.structures.camera import StereoRig
 from tests.raw_rigs import raw_rig
@@ -299,6 +301,16 @@ def test_what_a_form_does_not_hold_is_said(tmp_path: Path) -> None:
     (note,) = write_any_rig(str(tmp_path / "calib.txt"), reading_of(rig)).notes
     assert "sizes" in note
     assert "Velodyne" not in note
+
+
+@pytest.mark.parametrize("form", [form for form in get_args(RigForm) if form != "rig"])
+def test_lengths_that_are_no_metres_do_not_become_some(form: RigForm, tmp_path: Path) -> None:
+    unknown = replace(small_rig(), metric=False)
+    with pytest.raises(CalibrationUnits, match="unknown scale"):
+        write_any_rig(str(tmp_path / "out"), reading_of(unknown), form=form)
+    assert not (tmp_path / "out").exists()
+    written = write_any_rig(str(tmp_path / "rig.json"), reading_of(unknown))
+    assert not read_rig(written.files[0]).metric
 
 
 def test_of_both_rigs_the_rectified_one_goes_into_rig_json(tmp_path: Path) -> None:

@@ -22,11 +22,13 @@ from pseudolidar.errors import (
 from pseudolidar.formats.oxts import OxtsPacket, packet_at, write_oxts
 from pseudolidar.formats.rigs.key_values import key_values_text
 from pseudolidar.formats.rigs.kitti import write_raw_calib
+from pseudolidar.formats.rigs.rig_json import write_rig
 from pseudolidar.formats.timestamps import write_timestamps
 from pseudolidar.geometry.rectification import rectification
 from pseudolidar.sources.kitti.drives import is_unrectified
 from pseudolidar.sources.kitti.extract import KittiExtract
 from pseudolidar.sources.kitti.raw import KittiRaw
+from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.structures.frame import RawPair
 from pseudolidar.structures.pose import Pose
@@ -199,6 +201,26 @@ def test_the_imu_is_read_by_time(drive):
         pair = source.load(index)
         np.testing.assert_allclose(pair.pose.translation_m, (index, 0, 0), atol=1e-3)
         assert pair.motion is not None
+
+
+def test_nothing_in_metres_stays_beside_a_rig_of_unknown_scale(drive, tmp_path):
+    """Poses of the IMU would be taken for those of a camera, in a unit that nobody knows."""
+    write_calibrated_imu(drive)
+    write_scans(drive, [some_scan(k) for k in range(FRAMES)], stamps(FRAMES))
+    folder = drive / "oxts" / "data"
+    for n in range(FRAMES):
+        write_oxts(folder / f"{n:010d}.txt", OxtsPacket(49.0, 8.4, 116.0, 0.01, -0.02, 0.7))
+    write_timestamps(folder.parent / "timestamps.txt", stamps(FRAMES))
+    own = opened_with_rig(KittiExtract(str(drive)), None).load(1)
+    assert None not in (own.pose, own.motion, own.scan, own.rig.T_left_velodyne)
+    for metric in (True, False):
+        write_rig(tmp_path / "rig.json", replace(RIG, metric=metric))
+        source = opened_with_rig(KittiExtract(str(drive)), tmp_path / "rig.json")
+        frame = source.load(1)
+        held = (frame.pose, frame.motion, frame.scan, frame.rig.T_left_velodyne)
+        assert [each is not None for each in held] == [metric] * 4
+        told = any("lengths of the rig are no metres" in note for note in source.summary.notes)
+        assert told is not metric
 
 
 def test_a_packet_of_another_moment_is_none_of_a_picture(drive):
