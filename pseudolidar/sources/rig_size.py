@@ -45,8 +45,8 @@ def fitting_rig(
 def with_sensors_of(own: StereoRig, rig: StereoRig) -> StereoRig:
     """A rig that replaces a source's own, with what the source knows of LiDAR and IMU.
 
-    The LiDAR is raised as `rig` knows; where the source has none, those of `rig` count. Where lengths are no metres,
-    nothing that is measured in metres has a place.
+    The LiDAR is raised as `rig` knows. Where the source knows nothing of them, those of `rig`
+    count. Where lengths are no metres, nothing that is measured in metres has a place.
     """
     if not rig.metric:
         return replace(rig, T_left_velodyne=None, T_velodyne_imu=None)
