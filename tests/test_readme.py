@@ -27,6 +27,7 @@ from pseudolidar.running.settings_json import to_json
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.body import BodyRig, MountedPair
 from pseudolidar.structures.pose import Pose
+from tests.extract_drives import some_scan, stamps, write_pictures, write_scans
 from tests.recordings import named_clouds, write_own
 from tests.videos import pictures, write_video
 
@@ -35,8 +36,9 @@ README = (ROOT / "README.md").read_text("utf-8")
 OWN_JOB = "near_job.py"
 DRIVE = "2011_09_26/2011_09_26_drive_0001_sync"
 # Folders that the README stands for, under its names.
-SHOWN_DRIVE, SHOWN_STEREO, SHOWN_PAIRS = (
+SHOWN_DRIVE, SHOWN_EXTRACT, SHOWN_STEREO, SHOWN_PAIRS = (
     "KITTI/2011_09_26/2011_09_26_drive_0002_sync",
+    "KITTI/2011_09_26/2011_09_26_drive_0002_extract",
     "KITTI/training",
     "my_pairs",
 )
@@ -73,6 +75,10 @@ def shown_folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
     drive = next(folder.glob("raw/*/*_sync"))
     drive.parent.rename((folder / SHOWN_DRIVE).parent)
     (folder / SHOWN_DRIVE).parent.joinpath(drive.name).rename(folder / SHOWN_DRIVE)
+    for camera in (0, 1):
+        dark = [np.zeros((96, 256), np.uint8)]
+        write_pictures(folder / SHOWN_EXTRACT, camera, dark, stamps(1))
+    write_scans(folder / SHOWN_EXTRACT, [some_scan()])
     (folder / "stereo/training").rename(folder / SHOWN_STEREO)
     (folder / "out").mkdir()
     (folder / "out/kitti").symlink_to(folder / "KITTI")

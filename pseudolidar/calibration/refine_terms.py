@@ -31,6 +31,7 @@ LADDER: tuple[tuple[str, tuple[int, ...]], ...] = (
     ("offset, scale, tilt, vergence", (ONE, D, X, Y, XX)),
     ("all", (ONE, D, X, Y, XX, XY, YY, XXX)),
 )
+AND_PITCH = "; pitch of the LiDAR"
 FOLDS = 5
 # Fits that only decide on the terms are made to so many samples: of KITTI stereo 2015, what is left
 # by them differs by less than 0.002 px from that of fits to all.
@@ -108,7 +109,7 @@ def choose_terms(samples: DisparitySamples, *, pitch: bool) -> Choice:
     for rig_name, rig_terms in LADDER:
         name, terms = rig_name, rig_terms
         if pitch:
-            name, terms = f"{rig_name}; pitch of the LiDAR", (*rig_terms, PITCH)
+            name, terms = rig_name + AND_PITCH, (*rig_terms, PITCH)
         refused = _not_carried(samples, part, rig_terms)
         if refused:
             candidates.append(Candidate(name, terms, None, refused))

@@ -11,6 +11,7 @@ import numpy as np
 
 from pseudolidar.calibration.reference import Reference
 from pseudolidar.calibration.refine import Refinement, refined
+from pseudolidar.calibration.refine_terms import AND_PITCH
 from pseudolidar.errors import ALL_DONE, SOME_SKIPPED, PseudolidarError, ReferenceMissing
 from pseudolidar.evaluation.compared import ComparedFrame, against_scan, against_truth
 from pseudolidar.evaluation.ranges import RangeErrors, errors_by_range
@@ -148,7 +149,7 @@ class ReferenceRefinement:
             )
         lines += [f"not fitted: {refused}" for refused in found.choice.refusals]
         tried = ", ".join(
-            f"{each.name} {each.left_px:.3f}"
+            f"{each.name.removesuffix(AND_PITCH)} {each.left_px:.3f}"
             for each in found.choice.candidates
             if each.left_px is not None
         )
