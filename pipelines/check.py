@@ -20,7 +20,9 @@ from pseudolidar.running.given import GivenSettings, given_maps
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.preflight import SourceCheck, check_source
 from pseudolidar.running.rig_output import check_rig_place, store_rig
+from pseudolidar.running.scan_numbers import numbered_alone, scan_numbers
 from pseudolidar.running.table import table_text
+from pseudolidar.sources.kitti.extract import KittiExtract
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.rectified import Rectify, raw_rig
@@ -31,7 +33,7 @@ from pseudolidar.stereo.given_maps import StoredSteps
 from pseudolidar.structures.camera import StereoRig
 
 MARKS = {"stop": "STOP", "warn": "warn", "note": "note", "good": "ok", "unknown": "?"}
-MAPS = "given maps"
+MAPS, SCANS = "given maps", "scans"
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class Check:
 
     All pairs together tell how one eye is turned against what the rig says, with standard
     deviations: the more of them (--frames), the surer. --out writes the rig with that put right.
+    Where scans have no times (unsynchronised KITTI), those of other numbers are tried, too.
     The yaw is hardly seen in the rows; `refine` by motion or by scans sees what it does.
 
     Exit code 3 where something would stop a run, else 0.
@@ -119,20 +122,25 @@ def run(job: Check) -> CheckReport:
     rig = None if job.out is None else mended_rig(check, source)
     if job.out is not None and rig is not None:
         store_rig(job.out, rig)
-    return CheckReport(check, (*check.findings, *maps), job.picture, job.out, rig is not None)
+    told = (*check.findings, *scans_found(job), *maps)
+    return CheckReport(check, told, job.picture, job.out, rig is not None)
 
 
 def opened(job: Check) -> FrameSource:
     """The pairs that are asked for, with the rig that is asked for."""
-    whole: FrameSequence[Any] = opened_with_rig(
-        job.source,
+    return pairs_of(select(with_rig(job, job.source), job.frames, job.exclude))
+
+
+def with_rig(job: Check, source: Source) -> FrameSequence[Any]:
+    """All frames of a source with the rig that is asked for."""
+    return opened_with_rig(
+        source,
         job.rig,
         scale_calibration=job.scale_calibration,
         unit=job.rig_unit,
         swap=job.swap,
         rectify=job.rectify,
     )
-    return pairs_of(select(whole, job.frames, job.exclude))
 
 
 def mended_rig(check: SourceCheck, source: FrameSource) -> StereoRig | None:
@@ -156,6 +164,24 @@ def maps_found(job: Check, source: FrameSource) -> tuple[Finding, ...]:
     if given is None:
         return ()
     return (Finding(MAPS, "good", "they lead to the same places in the right pictures"),)
+
+
+def scans_found(job: Check) -> tuple[Finding, ...]:
+    """Whether scans that are known by their numbers alone are of the moments of their pictures."""
+    if not isinstance(job.source, KittiExtract) or not numbered_alone(job.source):
+        return ()
+    source = job.source
+    found = scan_numbers(source, lambda drive: pairs_of(with_rig(job, drive)), Census().load())
+    if found is None:
+        return (Finding(SCANS, "unknown", "none of them sees what the pictures show"),)
+    fits = f"depths differ by {found.error_rel[found.best]:.1%} (median)"
+    if not found.best:
+        return (Finding(SCANS, "good", f"equal numbers fit best: {fits}"),)
+    usual = found.error_rel.get(0)
+    than = "" if usual is None else f", by {usual:.1%} with equal numbers"
+    seen = f"picture n belongs to scan n - {found.best}: {fits}{than}"
+    mend = f"Pass --scan-offset {found.best}."
+    return (Finding(SCANS, "note", seen, None, mend, {"scan_offset": found.best}),)
 
 
 def unreadable(check: SourceCheck) -> PseudolidarError:

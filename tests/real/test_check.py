@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import time
 from collections import Counter
 from dataclasses import replace
@@ -146,3 +147,12 @@ def test_pictures_a_frame_late_are_told(real_data, name, most_missed):
 def test_neighbours_show_that_kitti_is_in_step(real_data, capsys):
     assert main(["check", str(real_data / KITTI["raw"])]) == 0
     assert "in step" in capsys.readouterr().out
+
+
+def test_scans_without_times_are_told_by_what_they_show(real_data, capsys):
+    """The data set's text scan 31 is of the moment of picture 33."""
+    drive = str(real_data / "kitti_raw_unrectified")
+    assert main(["check", drive, "--json"]) == 0
+    found = {each["name"]: each for each in json.loads(capsys.readouterr().out)["findings"]}
+    assert found["scans"]["scan_offset"] == 2
+    assert found["scans"]["mend"] == "Pass --scan-offset 2."

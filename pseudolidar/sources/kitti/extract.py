@@ -268,7 +268,7 @@ def _how(
     if not times.forward_ns:
         return (
             "velodyne: scans have no times, equal numbers are taken for equal moments; "
-            "--scan-offset N takes scan n - N for picture n",
+            "--scan-offset N takes scan n - N for picture n; `pseudolidar check` finds N",
         )
     return renumbered_note(chosen)
 
