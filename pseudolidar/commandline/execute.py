@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,13 @@ from pseudolidar.commandline.choices import resolve
 from pseudolidar.commandline.help_text import verb_description
 from pseudolidar.commandline.outcome import Report
 from pseudolidar.commandline.verbs import RUN_VERB, Verb, load_file, load_verb
-from pseudolidar.errors import UsageError
-from pseudolidar.running.settings_json import FOR_EVERY_VERB, values_from_json
+from pseudolidar.errors import PseudolidarError, UsageError
+from pseudolidar.running.settings_json import (
+    FOR_EVERY_VERB,
+    TUNED_PARTS,
+    TUNED_SCHEMA,
+    values_from_json,
+)
 from pseudolidar.running.settings_schema import settings_fields
 
 _log = logging.getLogger(__name__)
@@ -73,15 +79,28 @@ def _values_of(verb: Verb, file: Path) -> dict[str, Any]:
         if not isinstance(given, dict):
             raise UsageError(f"a JSON {type(given).__name__}", want="an object", where="settings")
         if FOR_EVERY_VERB in data:
-            unused = [name for name in given if name not in fields]
-            if unused:
-                _log.info("not used here: %s of %s", ", ".join(unused), file)
-            given = {name: value for name, value in given.items() if name in fields}
+            given = _tuned_of(data, fields, file)
         values = values_from_json(verb.settings, given)
     except OSError as error:
         raise UsageError(error.strerror or str(error), want="a run.json", path=file) from error
     except (ValueError, RecursionError) as error:
         raise UsageError(f"not JSON: {error}", want="a run.json", path=file) from error
-    except UsageError as error:
+    except PseudolidarError as error:
         raise error.located(file) from None
     return {name: value for name, value in values.items() if not fields[name].this_time}
+
+
+def _tuned_of(data: dict[str, Any], fields: Collection[str], file: Path) -> dict[str, Any]:
+    """What a verb has of the parts that `tune` found; a part that no verb has is a mistake."""
+    if data.get("schema") != TUNED_SCHEMA:
+        raise UsageError(f"{data.get('schema')}", want=f"{TUNED_SCHEMA}", where="schema")
+    if "settings" not in data:
+        raise UsageError(f"only {', '.join(data)}", want="'settings'")
+    given: dict[str, Any] = data["settings"]
+    unused = [name for name in given if name not in fields]
+    for name in unused:
+        if name not in TUNED_PARTS:
+            raise UsageError(f"unknown part {name!r}", want=", ".join(TUNED_PARTS), where=name)
+    if unused:
+        _log.info("not used here: %s of %s", ", ".join(unused), file)
+    return {name: value for name, value in given.items() if name in fields}

@@ -9,7 +9,7 @@ import numpy as np
 
 from pseudolidar.errors import ReferenceMissing, StructureError
 from pseudolidar.geometry.gaps import filled
-from pseudolidar.structures.arrays import Bool, Float64
+from pseudolidar.structures.arrays import Bool, Float32, Float64
 from pseudolidar.structures.disparity import DisparityMap
 
 # An outlier is off by more than both. Source: Menze & Geiger, Object Scene Flow for Autonomous
@@ -85,14 +85,14 @@ def disparity_errors(estimate: DisparityMap, truth: DisparityMap) -> DisparityEr
     return DisparityErrors(
         truth=len(true_px),
         matched=len(error_px),
-        outliers=int(_outliers(error_px, true_px[matched]).sum()),
-        outliers_filled=int(_outliers(error_filled_px, true_px).sum()),
+        outliers=int(outliers(error_px, true_px[matched]).sum()),
+        outliers_filled=int(outliers(error_filled_px, true_px).sum()),
         bad=tuple(int((error_px > threshold).sum()) for threshold in BAD_PX),
         absolute_px=float(error_px.sum()),
     )
 
 
-def _outliers(error_px: Float64, true_px: Float64) -> Bool:
+def outliers(error_px: Float64 | Float32, true_px: Float64 | Float32) -> Bool:
     """D1 outliers; a pixel that even filling left empty (NaN) is one."""
     return ~(error_px <= D1_PX) & ~(error_px <= D1_REL * true_px)
 

@@ -21,7 +21,8 @@ from pseudolidar.running.settings_schema import (
 
 CHOICE_KEY = "kind"  # names the member of a union of settings
 # In a file of settings: they are parts that verbs share, and each takes those that it has.
-FOR_EVERY_VERB = "tuned"
+FOR_EVERY_VERB, TUNED_SCHEMA = "tuned", 1
+TUNED_PARTS = ("matcher", "smooth", "fill")
 _NOT_FINITE = ("inf", "-inf", "nan")  # as text: JSON has no such numbers
 
 Settings = TypeVar("Settings")
@@ -139,7 +140,14 @@ def _value_from_json(kind: Any, value: Any, where: str) -> Any:
             return _member_from_json(member, value, where)
         except _OtherType:
             continue
-    raise UsageError(f"{value!r}", want=getattr(kind, "__name__", str(kind)), where=where)
+    raise UsageError(f"{value!r}", want=_kind_words(kind), where=where)
+
+
+def _kind_words(kind: Any) -> str:
+    """What is wanted, for people: `int | None`, or the values that may be chosen."""
+    if get_origin(kind) is Literal:
+        return " or ".join(map(repr, get_args(kind)))
+    return getattr(kind, "__name__", str(kind))
 
 
 class _OtherType(Exception):

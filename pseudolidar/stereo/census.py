@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -101,6 +102,10 @@ class Census:
             raise StereoConfig(
                 f"{self.uniqueness_percent} %", want="0 to 99", where="uniqueness_percent"
             )
+        for name in ("agreement_px", "speckle_pixels", "speckle_step_px"):
+            value = getattr(self, name)
+            if value is not None and not 0 <= value < math.inf:
+                raise StereoConfig(f"{value}", want="0 or more", where=name)
 
     @property
     def small(self) -> int:

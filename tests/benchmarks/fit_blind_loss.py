@@ -2,9 +2,11 @@
 
     python -m tests.benchmarks.fit_blind_loss [FOLDER FOR WHAT WAS MATCHED] [CANDIDATES]
 
-Candidates are spread over the space that `tune` searches. Their loss by truth and the evidence are
-taken on rendered worlds, KITTI and Middlebury; weights are fitted to differences between settings
-of one frame. Rank correlations are of kinds of data that were left out of the fit.
+Candidates are spread over the space that `tune` searches, half of them near the defaults. Their
+errors by truth and the evidence are taken on rendered worlds, KITTI and Middlebury; weights are
+fitted to differences of the errors of matched pixels between settings of one frame. Then what a gap
+costs decides: rank correlations with the loss by truth are told for some costs, of kinds of data
+that were left out of the fit.
 """
 
 from __future__ import annotations
@@ -17,12 +19,14 @@ import numpy as np
 from scipy.optimize import lsq_linear
 from scipy.stats import qmc, spearmanr
 
-from pseudolidar.evaluation.blind import BINS, LEAST_LOSS, PairEvidence, evidence_shares
-from pseudolidar.evaluation.matching_loss import (
+from pseudolidar.evaluation.blind import (
+    BINS,
     GAP_COST,
-    as_the_rig_has_it,
-    judged_by_reference,
+    LEAST_LOSS,
+    PairEvidence,
+    evidence_shares,
 )
+from pseudolidar.evaluation.matching_loss import as_the_rig_has_it, judged_by_reference
 from pseudolidar.running.tuning.judged import mirrored, reference_px
 from pseudolidar.running.tuning.space import Candidate, Space
 from pseudolidar.sources.recognise import recognise
@@ -36,6 +40,11 @@ from tests.stereo.motorcycle import DISPARITIES, motorcycle
 MATCHERS = {"census": Census, "sgbm": Sgbm}
 RIDGE = 1e-3
 SMALL_PX = 480
+# Errors count in proportion up to this.
+MOST_PX = 3.0
+# Settings near the first ones: share of them that differs, and by how much of their range.
+CHANGED, NEAR = 0.5, 0.2
+GAP_COSTS = (0.1, 0.2, 0.3, GAP_COST, 0.4, 0.5)
 NEAREST_M = {"room": 1.0}
 
 
@@ -59,9 +68,19 @@ def worlds():
     yield "kitti", "kitti raw", [(raw.load(2), raw.load(3))], 3.0, None
 
 
+def sampled(space, count):
+    """Half of the places spread over the whole space, half near the first settings."""
+    rng = np.random.default_rng(7)
+    spread = qmc.Sobol(len(space.dimensions), rng=rng).random(count // 2)
+    origin = np.array(space.origin)
+    steps = rng.normal(0, NEAR, (count - len(spread), len(origin)))
+    moved = origin + steps * (rng.random(steps.shape) < CHANGED)
+    return [*spread, *np.clip(1 - np.abs(1 - np.abs(moved)), 0, 1)]
+
+
 def matched(frames, candidates, nearest_m):
-    """Losses (S, F) by truth, densities (S, F) and evidence (S, F, 22) of candidates."""
-    losses, gaps, shares, references = [], [], [], {}
+    """Of candidates (S, F): losses by truth, errors of matched pixels, gaps, evidence (.., 22)."""
+    references, rows = {}, []
     evidence = [PairEvidence.of(*pair) for pair in frames]
     for candidate in candidates:
         loaded = candidate.matcher.load(min_depth_m=nearest_m)
@@ -71,16 +90,17 @@ def matched(frames, candidates, nearest_m):
             values = matcher(frame).values
             if frame.id not in references:
                 references[frame.id] = as_the_rig_has_it(reference_px(frame), values)
-            rows = np.ones(len(values), bool)
-            judged = judged_by_reference(values, references[frame.id], rows)
+            reference = references[frame.id]
+            every = np.ones(len(values), bool)
+            loss = judged_by_reference(values, reference, every).loss
+            off = np.minimum(np.abs(values - reference)[np.isfinite(reference)] / MOST_PX, 1)
             of_right = matcher(mirrored(frame)).values[:, ::-1]
             then = matcher(following).values if pair.follows else None
-            seen = evidence_shares(pair, values, of_right, then, rows)
-            row.append((judged.loss, 1 - np.isfinite(values).mean(), seen))
-        losses.append([each[0] for each in row])
-        gaps.append([each[1] for each in row])
-        shares.append([each[2] for each in row])
-    return np.array(losses), np.array(gaps), np.array(shares)
+            seen = evidence_shares(pair, values, of_right, then, every)
+            gaps = 1 - np.isfinite(values).mean()
+            row.append((loss, np.nansum(off) / len(off), gaps, seen))
+        rows.append(row)
+    return tuple(np.array([[each[i] for each in row] for row in rows]) for i in range(4))
 
 
 def steps():
@@ -109,35 +129,35 @@ def steps():
 
 
 def fitted(data):
-    """Weights (22,) by which differences from the first settings are those of the loss by truth."""
+    """Weights (22,) by which differences from the first settings are those of the errors."""
     basis, least = steps()
     evidence, wanted = [], []
-    for losses, gaps, shares in data:
-        rest, count = losses - GAP_COST * gaps, np.sqrt(losses[1:].size)
-        x = (shares - shares[:1])[1:] / losses[:1, :, None] / count
+    for losses, errors, _, shares in data:
+        count = np.sqrt(losses[1:].size)
+        x = (shares - shares[:1])[1:] / errors[:1, :, None] / count
         evidence.append(x.reshape(-1, sum(BINS)) @ basis)
-        wanted.append(((rest - rest[:1])[1:] / losses[:1] / count).ravel())
+        wanted.append(((errors - errors[:1])[1:] / errors[:1] / count).ravel())
     x = np.concatenate([*evidence, np.sqrt(RIDGE) * np.eye(basis.shape[1])])
     y = np.concatenate([*wanted, np.zeros(basis.shape[1])])
     return basis @ lsq_linear(x, y, (least, np.full(len(least), np.inf))).x
 
 
-def ranked(losses, gaps, shares, weights, usual):
-    """Rank correlation; losses by truth of what is picked blindly and of the best, by default's."""
-    blind = np.maximum(usual + shares @ weights + GAP_COST * gaps, LEAST_LOSS)
+def ranked(losses, gaps, shares, weights, usual, gap_cost):
+    """Rank correlation; promise and loss by truth of the pick, and the best loss; default 1."""
+    blind = np.maximum(usual + shares @ weights + gap_cost * gaps, LEAST_LOSS)
     mine, theirs = ((each / each[:1]).mean(1) for each in (losses, blind))
-    return spearmanr(mine, theirs)[0], mine[theirs.argmin()], mine.min()
+    best = theirs.argmin()
+    return spearmanr(mine, theirs)[0], theirs[best], mine[best], mine.min()
 
 
 def usual_loss(data, weights):
     """What the first settings lose beyond their evidence."""
-    rest = [(loss - share @ weights - GAP_COST * gap)[0] for loss, gap, share in data]
-    return float(np.mean([each.mean() for each in rest]))
+    return float(np.mean([(errors - shares @ weights)[0].mean() for _, errors, _, shares in data]))
 
 
 def main() -> None:
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp())
-    candidates = int(sys.argv[2]) if len(sys.argv) > 2 else 31
+    candidates = int(sys.argv[2]) if len(sys.argv) > 2 else 32
     kinds, data = {}, {}
     for kind, name, frames, nearest_m, disparities in worlds():
         for matcher, settings in MATCHERS.items():
@@ -146,22 +166,24 @@ def main() -> None:
             if not file.exists():
                 start = settings() if disparities is None else settings(disparities=disparities)
                 space = Space.around(Candidate(start))
-                places = qmc.Sobol(len(space.dimensions), rng=np.random.default_rng(7))
-                tried = [space.candidate(place) for place in places.random(candidates)]
+                tried = [space.candidate(place) for place in sampled(space, candidates)]
                 found = matched(frames, [Candidate(start), *tried], nearest_m)
                 np.savez(file, *found)
             with np.load(file) as arrays:
                 data[label] = tuple(arrays[key] for key in arrays.files)
             kinds[label] = kind
             print(label, flush=True)
-    print("left out of the fit: rank correlation, loss of what is picked, of the best (default 1)")
-    figures = []
-    for label, own in data.items():
-        others = [each for key, each in data.items() if kinds[key] != kinds[label]]
-        weights = fitted(others)
-        figures.append(ranked(*own, weights, usual_loss(others, weights)))
-        print(f"  {label:20} {figures[-1][0]:5.2f} {figures[-1][1]:6.3f} {figures[-1][2]:6.3f}")
-    print("  mean                 {:5.2f} {:6.3f} {:6.3f}".format(*np.mean(figures, axis=0)))
+    print("left out of the fit: rank correlation, promise and loss of the pick, best; default 1")
+    for gap_cost in GAP_COSTS:
+        figures = []
+        print(f"a gap costs {gap_cost}")
+        for label, (losses, _, gaps, shares) in data.items():
+            others = [each for key, each in data.items() if kinds[key] != kinds[label]]
+            weights = fitted(others)
+            usual = usual_loss(others, weights)
+            figures.append(ranked(losses, gaps, shares, weights, usual, gap_cost))
+            print(f"  {label:20}", "  ".join(f"{each:5.2f}" for each in figures[-1]))
+        print(f"  {'mean':20}", "  ".join(f"{each:5.2f}" for each in np.mean(figures, axis=0)))
     weights = fitted(list(data.values()))
     print("usual", round(usual_loss(list(data.values()), weights), 4))
     for part in np.split(np.round(weights, 4), np.cumsum(BINS)[:-1]):

@@ -6,6 +6,8 @@ import pytest
 from pseudolidar.errors import ReferenceMissing
 from pseudolidar.evaluation.matching_loss import (
     GAP_COST,
+    RIGHT_COST,
+    WRONG_GAP_COST,
     as_the_rig_has_it,
     judged_by_reference,
 )
@@ -20,16 +22,43 @@ def reference():
     return values
 
 
-def test_errors_cost_in_proportion_up_to_three_pixels_and_gaps_a_fifth():
+def loss(values, truth):
+    return judged_by_reference(values, truth, ROWS).loss
+
+
+def test_what_is_right_costs_by_its_error_and_never_more_than_a_gap():
     truth = reference()
-    assert judged_by_reference(truth, truth, ROWS).loss == 0.0
-    assert judged_by_reference(truth + 1.5, truth, ROWS).loss == pytest.approx(0.5, abs=1e-6)
-    assert judged_by_reference(truth + 40, truth, ROWS).loss == 1.0
-    half = truth.copy()
-    half[:, 35:] = np.nan
-    found = judged_by_reference(half, truth, ROWS)
-    assert (found.loss, found.density) == (pytest.approx(GAP_COST / 2), 0.5)
-    assert found.d1_est == 0.0
+    assert loss(truth, truth) == 0.0
+    assert loss(truth + 1.5, truth) == pytest.approx(RIGHT_COST / 2, rel=1e-5)
+    assert loss(truth + 2.9, truth) < loss(np.full_like(truth, np.nan), truth)
+    assert RIGHT_COST <= GAP_COST
+    near = np.full_like(truth, 100.0)  # 5 % of it are no outlier
+    assert loss(near + 4, near) == pytest.approx(RIGHT_COST)
+    assert loss(near + 6, near) == loss(truth + 40, truth) == 1.0
+
+
+def test_a_gap_costs_what_filling_it_would_be_worth():
+    truth = np.full((40, 60), 20.0, np.float32)
+    gap = truth.copy()
+    gap[:, 30:45] = np.nan
+    found = judged_by_reference(gap, truth, ROWS)
+    assert (found.loss, found.density) == (pytest.approx(GAP_COST / 4), 0.75)
+    assert (found.d1_est, found.d1_filled) == (0.0, 0.0)
+    truth[:, 30:45] = 50.0  # what is left out is not what is around it
+    found = judged_by_reference(gap, truth, ROWS)
+    assert found.loss == pytest.approx(WRONG_GAP_COST / 4)
+    assert found.d1_filled == 0.25
+    wrong = np.where(np.isfinite(gap), gap, 80.0)
+    assert GAP_COST < WRONG_GAP_COST < 4 * loss(wrong, truth)
+
+
+def test_sparse_maps_pay_for_what_they_leave_out():
+    """Errors of 0.8 px, as many right pixels of KITTI have: no reason to leave them out."""
+    truth = reference()
+    noise = np.random.default_rng(2).choice([-0.8, 0.8], truth.shape).astype(np.float32)
+    dense = truth + noise
+    sparse = np.where(np.random.default_rng(3).random(truth.shape) < 0.2, np.nan, dense)
+    assert loss(sparse, truth) > 1.5 * loss(dense, truth)
 
 
 def test_only_the_rows_that_count_do():

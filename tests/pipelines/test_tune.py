@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import signal
 import subprocess
@@ -70,6 +71,35 @@ def test_every_command_takes_them(tuned, capsys, tmp_path):
         capsys, "tune", *source, *SMALL, *settings, "--candidates", 1, "--out", tmp_path / "b.json"
     )
     assert again["settings"]["matcher"] == file["matcher"]
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "where", "said"),
+    [
+        ("settings.matchr", {}, "matchr", "matcher, smooth, fill"),
+        ("settings.matcher.penalty_smal", 3, "matcher.penalty_smal", "penalty_small"),
+        ("settings.matcher.kind", "cenus", "matcher", "census"),
+        ("settings.matcher.quality", "finest", "matcher.quality", "'fast' or 'fine'"),
+        ("settings.matcher.penalty_small", "9", "matcher.penalty_small", "int"),
+        ("settings.matcher.agreement_px", "nan", "agreement_px", "0 or more"),
+        ("settings.matcher.speckle_pixels", -1, "speckle_pixels", "0 or more"),
+        ("settings", None, "settings", "an object"),
+        ("schema", 7, "schema", "1"),
+    ],
+)
+def test_a_mistake_in_the_file_is_named(tuned, capsys, tmp_path, path, value, where, said):
+    file = json.loads(tuned.read_text())
+    *parts, last = path.split(".")
+    place = functools.reduce(dict.__getitem__, parts, file)
+    place[last] = value
+    wrong = tmp_path / "wrong.json"
+    wrong.write_text(json.dumps(file))
+    status = 3 if where in ("agreement_px", "speckle_pixels") else 2
+    error = told(capsys, "evaluate", "disparity", ROOM[0], "--settings", wrong, status=status)[
+        "error"
+    ]
+    assert (error["path"], error["where"]) == (str(wrong), where)
+    assert said in error["want"]
 
 
 def test_the_same_command_goes_on(tuned, capsys):

@@ -15,11 +15,14 @@ from pseudolidar.evaluation.disparity import mean_known
 from pseudolidar.evaluation.matching_loss import Judgement
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.running.crew.attempt import Skipped
-from pseudolidar.running.settings_json import FOR_EVERY_VERB, settings_differences, to_json
+from pseudolidar.running.settings_json import (
+    FOR_EVERY_VERB,
+    TUNED_SCHEMA,
+    settings_differences,
+    to_json,
+)
 from pseudolidar.running.table import table_text
 from pseudolidar.running.tuning.space import Candidate
-
-SCHEMA = 1
 
 
 @dataclass(frozen=True)
@@ -106,7 +109,7 @@ def write_settings(path: Path, found: Found, about: dict[str, Any]) -> None:
         about: what they were tuned on.
     """
     settings, told = to_json(found.candidate), {**about, **found.losses}
-    data = {"schema": SCHEMA, FOR_EVERY_VERB: told, "settings": settings}
+    data = {"schema": TUNED_SCHEMA, FOR_EVERY_VERB: told, "settings": settings}
     write_atomic(path, (json.dumps(data, indent=2) + "\n").encode())
 
 

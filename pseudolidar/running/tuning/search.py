@@ -12,6 +12,7 @@ import numpy as np
 
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.evaluation.matching_loss import Judgement
+from pseudolidar.running.tuning.clearly import clearly_better, shares_of_first
 from pseudolidar.running.tuning.judged import JudgedFrame, JudgedFrames
 from pseudolidar.running.tuning.space import Candidate, Space
 from pseudolidar.running.tuning.trials import FAILED, Trial, Trials, key_of
@@ -28,8 +29,6 @@ KEPT_SHARE = 3
 PARENTS = 4
 # So many of the best are remembered: those who may become parents as others drop out.
 REMEMBERED = 12
-# A loss that is no less, so that shares of it are finite.
-LEAST_LOSS = 1e-9
 # New candidates: share that is drawn anywhere, share of settings that a child changes, and by how
 # much (one standard deviation of the unit cube) at first and at last, falling by a factor a round.
 ANYWHERE, CHANGED, CROSSED = 0.2, 0.35, 0.4
@@ -94,8 +93,9 @@ class Search:
         budget: time.
         seed: of all chance.
         workers: frames that are matched at the same time.
-        on_best: called with each candidate that is better than all before on the frames to tune
-            on and not worse than the first settings on those held back, and its score there.
+        on_best: called with each candidate that is better than all that were taken before on the
+            frames to tune on, and clearly better than the first settings on those held back; with
+            its score there.
         progress: called after each judged frame, with the number of candidates begun.
     """
 
@@ -110,6 +110,7 @@ class Search:
     progress: Callable[[int], None] = lambda _begun: None
     tried: dict[str, Candidate] = field(default_factory=dict)
     _elite: list[Scored] = field(default_factory=list)
+    _taken: list[Scored] = field(default_factory=list)
 
     def run(self, *, most_candidates: int | None = None) -> None:
         """Until the time is over, or so many candidates were begun."""
@@ -129,12 +130,8 @@ class Search:
 
     def score(self, candidate: Candidate, frames: Sequence[JudgedFrame]) -> float:
         """Mean loss of a judged candidate as a share of the first settings'."""
-        first, own = key_of(self.space.start), key_of(candidate)
-        losses = [
-            [self.trials.known[key, part.id].judgement.loss for key in (own, first)]
-            for part in frames
-        ]
-        return float(np.mean([mine / max(usual, LEAST_LOSS) for mine, usual in losses]))
+        own, first = (self.judgements(each, frames) for each in (candidate, self.space.start))
+        return float(np.mean(shares_of_first(own, first)))
 
     def seconds(self, candidate: Candidate, frames: Sequence[JudgedFrame]) -> float:
         """How long a map of a judged candidate took: the quickest, others were disturbed."""
@@ -160,6 +157,7 @@ class Search:
         if failed == FAILED:  # say why
             self.frames.tuned_on[0](self.loader(start))
         self._elite = [Scored(start, self.space.origin, 1.0)]
+        self._taken = self._elite[:]
         self.on_best(self._elite[0], 1.0)
 
     def _rounds(self) -> Iterator[list[Place]]:
@@ -215,14 +213,20 @@ class Search:
             left = [left[i] for i in order[: max(1, -(-len(left) // KEPT_SHARE))]]
 
     def _enter(self, scored: Scored) -> None:
-        """Take a fully judged candidate among the best; where it is the best, look at the rest."""
-        best = scored.score < self.best.score * (1 - BETTER)
-        if best:
-            self._judge([scored.candidate], self.frames.held)
-            held = self.score(scored.candidate, self.frames.held)
-            if held <= 1.0:
-                self.on_best(scored, held)
+        """Take a fully judged candidate among the best; where it may be the one, look at the rest.
+
+        What is best on the frames to tune on may be so by chance: it stays a parent, and the next
+        best have their turn.
+        """
         self._elite = sorted([*self._elite, scored], key=lambda each: each.score)[:REMEMBERED]
+        if scored.score >= self._taken[-1].score * (1 - BETTER):
+            return
+        held = self.frames.held
+        self._judge([scored.candidate], held)
+        own, first = (self.judgements(c, held) for c in (scored.candidate, self.space.start))
+        if clearly_better(own, first, self.frames.by):
+            self._taken.append(scored)
+            self.on_best(scored, self.score(scored.candidate, held))
 
     def _note(self, candidate: Candidate) -> None:
         self.tried[key_of(candidate)] = candidate

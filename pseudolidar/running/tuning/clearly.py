@@ -1,0 +1,66 @@
+"""Whether settings are clearly better than the first ones, on frames that were not tuned on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pseudolidar.evaluation.disparity import mean_known
+from pseudolidar.evaluation.matching_loss import Judgement
+from pseudolidar.structures.arrays import Float64
+
+# Shares of the first settings' loss that must be gained. Pairs alone rank settings worse than a
+# reference does: of 17 worlds and matchers, what promised 0.05 or more was better by truth in all,
+# by 0.1 and more; what promised less was anything from 0.09 worse to 0.1 better.
+GAIN_BY_REFERENCE, GAIN_BY_PAIRS = 0.02, 0.05
+# The gain must be more than chance, with this probability (Student's t over the frames), where
+# there are frames enough to tell chance.
+CERTAINTY, LEAST_FRAMES = 0.95, 3
+# Share of the pixels that may be left out besides those that the first settings leave out: without
+# a reference nobody can say that they were wrong.
+LEFT_OUT_BY_REFERENCE, LEFT_OUT_BY_PAIRS = 0.03, 0.02
+# A loss that is no less, so that shares of it are finite.
+LEAST_LOSS = 1e-9
+
+
+def shares_of_first(own: Sequence[Judgement], first: Sequence[Judgement]) -> Float64:
+    """(F,) the loss of each frame as a share of the first settings' loss there."""
+    pairs = zip(own, first, strict=True)
+    return np.array([mine.loss / max(usual.loss, LEAST_LOSS) for mine, usual in pairs])
+
+
+def clearly_better(own: Sequence[Judgement], first: Sequence[Judgement], by: str) -> bool:
+    """Whether settings may take the place of the first ones.
+
+    Their loss is less by more than chance, and they pay for it nowhere else: neither outliers
+    among matched pixels nor outliers with gaps filled become more, nor much fewer pixels matched.
+
+    Args:
+        own: how they were judged on the frames that were held back.
+        first: how the first settings were, on the same frames.
+        by: what they were compared with: truth, scan or pairs.
+    """
+    alone = by == "pairs"
+    gained = 1 - shares_of_first(own, first)
+    if not gained.mean() >= (GAIN_BY_PAIRS if alone else GAIN_BY_REFERENCE):
+        return False
+    if len(gained) >= LEAST_FRAMES and not gained.mean() > _by_chance(gained):
+        return False
+    mine, usual = (float(np.mean([each.density for each in part])) for part in (own, first))
+    if mine < usual - (LEFT_OUT_BY_PAIRS if alone else LEFT_OUT_BY_REFERENCE):
+        return False
+    return all(_no_more(own, first, name) for name in ("d1_est", "d1_filled"))
+
+
+def _by_chance(gained: Float64) -> float:
+    """The mean gain that settings no better than the first have once in twenty times or less."""
+    from scipy.stats import t
+
+    spread = float(gained.std(ddof=1)) / np.sqrt(len(gained))
+    return float(t.ppf(CERTAINTY, len(gained) - 1)) * float(spread)
+
+
+def _no_more(own: Sequence[Judgement], first: Sequence[Judgement], name: str) -> bool:
+    mine, usual = (mean_known([getattr(each, name) for each in part]) for part in (own, first))
+    return mine is None or usual is None or mine <= usual
