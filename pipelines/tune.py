@@ -51,10 +51,10 @@ class Tune:
 
     Settings are judged by ground truth or LiDAR scans where SOURCE has them, else by the pairs
     themselves: left against right, photometric error, and the next frame. One figure counts:
-    errors up to 3 px in proportion, larger ones and a fifth of one for each pixel without a
-    disparity. The last frames are held back: the figures that are told are of those, and what is
-    no better there than the first settings is not taken. Time does not count: where it must not
-    grow, say `--keep matcher.quality,smooth`.
+    an outlier (D1) costs 1, a pixel without a disparity a tenth, or half where filling it makes an
+    outlier, a right one up to a tenth by its error. The last frames are held back: the figures
+    that are told are of those, and what is not clearly better there than the first settings is not
+    taken. Time does not count: where it must not grow, say `--keep matcher.quality,smooth`.
 
     The first settings are the defaults, or what the flags say. The same command goes on where it
     was stopped; Ctrl-C keeps the best so far. With the same seed the same settings are tried.

@@ -116,13 +116,13 @@ def test_the_same_command_goes_on(tuned, capsys):
 
 def test_pairs_alone_find_what_is_better_by_truth(capsys, tmp_path):
     out = tmp_path / "blind.json"
-    line = ("tune", *ROOM, *SMALL, "--by", "pairs", "--matcher", "sgbm", "--candidates", 30)
+    line = ("tune", *ROOM, *SMALL, "--by", "pairs", "--candidates", 30, "--seed", 1)
     report = told(capsys, *line, "--out", out)
     assert (report["by"], report["improved"]) == ("pairs", True)
     assert report["held_best"]["d1_est"] is None
-    assert report["loss_held"] <= 1.0
+    assert report["loss_held"] <= 0.95
     other = ("synthetic:room:2", "--source.seed", "9", "--source.width-px", "320")
-    first = told(capsys, "evaluate", "disparity", *other, "--matcher", "sgbm")
+    first = told(capsys, "evaluate", "disparity", *other)
     best = told(capsys, "evaluate", "disparity", *other, "--settings", out)
     assert best["epe"] < first["epe"]
     assert best["d1_filled"] < first["d1_filled"] + 0.001

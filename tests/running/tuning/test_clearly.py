@@ -40,7 +40,10 @@ def test_a_gain_must_be_more_than_chance(shares, by, better):
     assert clearly_better(changed(shares), FIRST, by) is better
 
 
-def test_chance_cannot_be_told_of_two_frames():
+def test_chance_cannot_be_told_of_two_frames_so_they_must_gain_more():
+    sure = changed((0.97, 0.96, 0.965, 0.965))
+    assert clearly_better(sure, FIRST, "truth")
+    assert not clearly_better(sure[:2], FIRST[:2], "truth")
     assert clearly_better(changed((0.99, 0.8, 1, 1))[:2], FIRST[:2], "truth")
     assert not clearly_better(changed((0.999, 0.99, 1, 1))[:2], FIRST[:2], "truth")
 
