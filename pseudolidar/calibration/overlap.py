@@ -38,7 +38,7 @@ class Overlap:
     most_m: float = 30.0
     most_sigma_m: float = 1.2
     voxel_m: float = 0.2
-    gates_m: tuple[float, ...] = (1.5, 0.8, 0.4, 0.25)
+    gates_m: tuple[float, ...] = (0.8, 0.4, 0.2, 0.12)
     least_matches: int = 300
 
 

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, Self
 
 import numpy as np
 
+from pseudolidar.geometry.robust import robust_sigma
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.pose import Pose
 
-# Residuals beyond so many standard deviations count for less (Cauchy).
+# Residuals beyond so many times what is usual count for less (Cauchy).
 CAUCHY = 2.0
+# Usual residuals in standard deviations: those hold an error of the rig that all points share, so
+# that most residuals are a fraction of them. Not less than this, and not more than one.
+LEAST_USUAL = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +71,7 @@ class Partners:
         along_second: (N,) m, the same along the ray of the surface's point.
         floor_m: no distance is surer than this.
         rows_a_point: how many rows belong to one point; 3 where each axis is a row.
+        usual: what residuals of all partners usually are, in standard deviations.
     """
 
     first: str
@@ -78,6 +83,7 @@ class Partners:
     along_second: Float64
     floor_m: float
     rows_a_point: int = 1
+    usual: float = 1.0
 
     @property
     def count(self) -> int:
@@ -103,7 +109,7 @@ class Partners:
     @property
     def weights(self) -> Float64:
         """(N,) of the squares of the distances, Cauchy's."""
-        scaled = self.residual_m / (CAUCHY * self.sigma_m)
+        scaled = self.residual_m / (CAUCHY * self.usual * self.sigma_m)
         return np.asarray(1.0 / (self.sigma_m**2 * (1.0 + scaled**2)))
 
 
@@ -120,7 +126,17 @@ def all_partners(sights: Sights, places: Mapping[str, Pose], gate_m: float) -> l
         for frame in sights
         for first, second in itertools.permutations(frame, 2)
     )
-    return [partners for partners in found if len(partners.residual_m)]
+    some = [partners for partners in found if len(partners.residual_m)]
+    usual = _usual(some)
+    return [replace(partners, usual=usual) for partners in some]
+
+
+def _usual(partners: Sequence[Partners]) -> float:
+    """What residuals usually are, in standard deviations."""
+    if not partners:
+        return 1.0
+    scaled = np.concatenate([each.residual_m / each.sigma_m for each in partners])
+    return float(np.clip(robust_sigma(scaled), LEAST_USUAL, 1.0))
 
 
 def partners_of(

@@ -37,6 +37,8 @@ from pseudolidar.structures.recorded import Frame, HeldFrame
 PLANS_KEPT = 8
 # Lenses that see more than a flat picture shows, by this, deserve a word.
 WORTH_SAYING_DEG = 25.0
+# Field that is offered to who wants more of the sides, in pictures twice as wide as usual.
+WIDE_FIELD_DEG = 150.0
 
 
 @dataclass(frozen=True)
@@ -295,22 +297,38 @@ def _note(raw: StereoRig, plans: tuple[Rectification, ...], rectify: Rectify) ->
     size = f"{camera.width_px}x{camera.height_px} px, f {camera.focal_px:.1f} px"
     if len(plans) > 1:
         line += f" to {len(plans)} views around the baseline"
-        return f"{line}, each {size}, {fields[0]:.0f} deg wide"
+        return f"{line}, each {size}, {fields[0]:.0f} deg wide{_sides_text(raw, fields[0])}"
     line += f" to {size}, {fields[0]:.0f} x {fields[1]:.0f} deg (alpha {rectify.alpha:g}"
     line += f", zoom {rectify.zoom:g})" if rectify.zoom != 1 else ")"
-    seen_deg = _seen_deg(raw)
+    seen_deg = _seen_deg(raw)[1]
     if seen_deg > fields[1] + WORTH_SAYING_DEG and raw.left.model == "fisheye":
         line += f"; the lenses see {seen_deg:.0f} deg of height: --rectify.views 3 takes all of it"
-    return line
+    return line + _sides_text(raw, fields[0])
+
+
+def _sides_text(raw: StereoRig, field_deg: float) -> str:
+    """What the pictures do not show to the left and right, or nothing."""
+    seen_deg = _seen_deg(raw)[0]
+    if raw.left.model != "fisheye" or seen_deg <= field_deg + WORTH_SAYING_DEG:
+        return ""
+    told = f"; the lenses see {seen_deg:.0f} deg of width, the sides are left out"
+    if field_deg > WIDE_FIELD_DEG - 1:
+        return told
+    return f"{told}: --rectify.field-deg {WIDE_FIELD_DEG:.0f} shows more of them"
 
 
 def _lens_text(model: str, coefficients: int) -> str:
     return f"{model} lenses ({coefficients} coefficients)" if coefficients else f"{model} lenses"
 
 
-def _seen_deg(raw: StereoRig) -> float:
-    """Height of what the left lens sees, degrees."""
+def _seen_deg(raw: StereoRig) -> tuple[float, float]:
+    """Width and height of what the left lens sees through its centre, degrees; beyond 180, too."""
     camera = raw.left
-    ends = np.array([[camera.K[0, 2], 0.0], [camera.K[0, 2], camera.height_px - 1.0]])
-    up, down = Lens.of(camera).nearest_directions(ends)
-    return float(np.rad2deg(np.arccos(np.clip(up @ down, -1, 1)))) if up[1] < down[1] else 360.0
+    centre = camera.K[:2, 2]
+    seen = []
+    for axis, side_px in enumerate(camera.size_px):
+        ends = np.array([centre, centre])
+        ends[:, axis] = 0.0, side_px - 1.0
+        first, last = Lens.of(camera).nearest_directions(ends)[:, [axis, 2]]
+        seen.append(np.rad2deg(np.arctan2(*last) - np.arctan2(*first)))
+    return float(seen[0]), float(seen[1])

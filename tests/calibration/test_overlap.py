@@ -10,7 +10,7 @@ import pytest
 
 from pseudolidar.calibration.overlap import Overlap, Sight, Trust
 from pseudolidar.calibration.overlap_fit import PlaceFound, places_found
-from pseudolidar.calibration.overlap_partners import partners_of
+from pseudolidar.calibration.overlap_partners import all_partners, partners_of
 from pseudolidar.errors import OverlapInsufficient
 from pseudolidar.geometry.frames import BASE_LINK
 from pseudolidar.structures.body import BodyRig
@@ -89,10 +89,12 @@ def test_open3d_finds_the_same() -> None:
         clouds[name].normals = o3d.utility.Vector3dVector(sight.normals)
     start = given["front"].inverse().matrix @ given["left"].matrix
     method = o3d.pipelines.registration.TransformationEstimationPointToPlane()
-    theirs = o3d.pipelines.registration.registration_icp(
-        clouds["left"], clouds["front"], 0.25, start, method
-    )
-    T = given["front"].matrix @ theirs.transformation
+    T_front_left = start
+    for gate_m in Overlap().gates_m:
+        T_front_left = o3d.pipelines.registration.registration_icp(
+            clouds["left"], clouds["front"], gate_m, T_front_left, method
+        ).transformation
+    T = given["front"].matrix @ T_front_left
     np.testing.assert_allclose(ours.matrix, T, atol=0.03)
 
 
@@ -165,3 +167,19 @@ def test_surfaces_that_face_elsewhere_are_no_partners_and_far_ones_count_less() 
     scaled = 0.1 / (2.0 * found.sigma_m)
     np.testing.assert_allclose(found.weights, near.weights / (1 + scaled**2))
     np.testing.assert_allclose(near.weights, 1 / found.sigma_m**2)
+
+
+def test_points_that_are_off_by_more_than_is_usual_count_for_little() -> None:
+    """Also where their own standard deviation, with all that a rig errs by, would allow it."""
+    across = np.stack(np.meshgrid(np.arange(5.0), np.arange(5.0)), -1).reshape(-1, 2)
+    xyz = np.c_[across - 2.0, np.full(25, 4.0)]
+    normals = np.tile([0.0, 0.0, -1.0], (25, 1))
+    off = xyz + np.array([0.0, 0.0, 0.002])
+    off[7, 2] += 0.1
+    frame = {name: Sight(at, normals, np.full(25, 0.5)) for name, at in (("a", xyz), ("b", off))}
+    place = Pose.identity("base_link", "camera_left")
+    first, second = all_partners([frame], {"a": place, "b": place}, 0.5)
+    assert first.usual == second.usual == 0.05
+    like_others = replace(first, residual_m=np.zeros(25)).weights
+    assert first.weights[7] < 0.5 * like_others[7]
+    assert first.weights[8] > 0.99 * like_others[8]

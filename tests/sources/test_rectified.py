@@ -26,7 +26,7 @@ from pseudolidar.sources.source import pairs_of
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.structures.body import BodyFrame
-from pseudolidar.structures.camera import Camera
+from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.correction import RowCorrection
 from pseudolidar.structures.frame import LidarScan, RawPair, StereoFrame
 from pseudolidar.structures.image_size import ImageSize
@@ -315,6 +315,32 @@ def test_the_note_says_what_is_shown(pinhole: RawPair, tmp_path: Path) -> None:
     wide, high = np.rad2deg(np.arctan(ends[1, :2]) - np.arctan(ends[0, :2]))
     (note,) = [note for note in source.summary.notes if note.startswith("rectified")]
     assert f"to 480x360 px, f {K[0, 0]:.1f} px, {wide:.0f} x {high:.0f} deg" in note
+
+
+@pytest.mark.parametrize("half_deg", [75.0, 100.0])
+def test_what_a_wide_lens_sees_beside_its_pictures_is_told(half_deg: float, tmp_path: Path) -> None:
+    """Round pictures of a lens without distortion: as wide as high, also beyond 180 degrees."""
+    across_px = 481
+    middle = (across_px - 1) / 2
+    focal = middle / np.deg2rad(half_deg)
+    K = np.array([[focal, 0, middle], [0, focal, middle], [0, 0, 1]])
+    left = Camera(K, across_px, across_px, np.zeros(4), "fisheye")
+    shift = Pose.from_rotation("camera_right", "camera_left", np.eye(3), np.array([-0.1, 0, 0]))
+    rig = StereoRig(left, replace(left, frame="camera_right"), shift)
+    black = np.zeros((across_px, across_px), np.uint8)
+    folder = Folders(str(stored(RawPair(black, black, rig, "000000", 0, 1), tmp_path)))
+
+    def said(rectify: Rectify) -> str:
+        notes = opened_with_rig(folder, None, rectify=rectify).summary.notes
+        return next(note for note in notes if note.startswith("rectified"))
+
+    seen = f"the lenses see {2 * half_deg:.0f} deg of"
+    assert f"{seen} height: --rectify.views 3" in said(Rectify())
+    assert f"{seen} width, the sides are left out: --rectify.field-deg 150" in said(Rectify())
+    assert f"{seen} width" in said(Rectify(views=3))
+    widest = said(Rectify(views=3, field_deg=150.0))
+    assert ("the sides are left out" in widest) == (half_deg > 90)
+    assert "--rectify.field-deg" not in widest
 
 
 def test_pictures_that_are_said_to_be_rectified_are_not_bent(
