@@ -136,3 +136,12 @@ def test_a_direction_is_one_that_is_seen_at_its_pixel_or_none(camera: Camera):
     seen, holds = lens.pixels(directions[found])
     assert holds.all()
     np.testing.assert_allclose(seen, uv[found], atol=1e-3)
+
+
+@pytest.mark.parametrize("turn", [(0.03, 0.0), (0.0, -0.02)])
+def test_a_sensor_that_is_turned_about_one_axis(turn: tuple[float, float]) -> None:
+    camera = pinhole(np.array([*PINHOLE[:12], *turn]))
+    points = np.array([[0.3, -0.2, 1.0], [-0.4, 0.1, 1.2]])
+    seen, holds = Lens.of(camera).pixels(points)
+    assert holds.all()
+    np.testing.assert_allclose(seen, seen_at(camera, points), atol=1e-9)

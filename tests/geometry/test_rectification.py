@@ -220,3 +220,9 @@ def test_cameras_that_look_apart():
 def test_numbers_that_make_no_picture(wrong: dict[str, float]):
     with pytest.raises(UsageError):
         rectification(raw_rig(5), **wrong)
+
+
+def test_pictures_of_pinhole_lenses_are_never_cut_at_a_field() -> None:
+    rig = raw_rig(5, focal_px=130.0, strength=0.0)
+    wide, narrow = (rectification(rig, field_deg=field) for field in (170.0, 60.0))
+    np.testing.assert_array_equal(wide.rig.left.K, narrow.rig.left.K)

@@ -19,10 +19,11 @@ from pseudolidar.geometry.rectification import aligning_rotations
 from pseudolidar.geometry.rectified_pixels import unmasked
 from pseudolidar.geometry.twists import exp_twist
 from pseudolidar.sources.folder import Folders
-from pseudolidar.sources.other_rig import opened_with_rig
+from pseudolidar.sources.other_rig import opened_with_rig, with_rig
 from pseudolidar.sources.rectified import Rectify, exchanged, in_one_view, raw_rig, rectified
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import pairs_of
+from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.structures.body import BodyFrame
@@ -401,3 +402,41 @@ def test_corrections_of_a_rig_belong_to_the_usual_pictures(
     assert "corrections of the rig left out" in other.summary.notes[-1]
     want = rectified(pinhole, Rectify(alpha=0.5))
     np.testing.assert_array_equal(other.load(0).right, want.right)
+
+
+@pytest.fixture(scope="module")
+def noise() -> RawPair:
+    """What a narrow fisheye takes of nothing: cheap, and as good where pixels do not count."""
+    rng = np.random.default_rng(3)
+    left, right = (rng.integers(0, 255, (360, 480), np.uint8) for _ in range(2))
+    rig = world_rig("fisheye", focal_px=400.0)
+    return RawPair(left, right, rig, "000000", 0, 1_000_000_000)
+
+
+def test_views_are_advised_where_the_lens_sees_more_alone(noise: RawPair, tmp_path: Path) -> None:
+    source = opened_with_rig(Folders(str(stored(noise, tmp_path))), None)
+    (note,) = [note for note in source.summary.notes if note.startswith("rectified")]
+    assert "--rectify.views" not in note
+
+
+def test_the_only_view_has_a_size_of_its_own(noise: RawPair, tmp_path: Path) -> None:
+    rectify = Rectify(views=2, size=ImageSize(200, 150))
+    source = opened_with_rig(Folders(str(stored(noise, tmp_path))), None, rectify=rectify)
+    assert in_one_view(source).load(0).size_px == (480, 360)
+
+
+def test_a_scan_whose_place_is_unknown_is_none_of_the_body(noise: RawPair) -> None:
+    scan = LidarScan(np.array([[4.0, 1.0, -0.5]], np.float32), None, "velodyne", 5)
+    body = rectified(replace(noise, scan=scan), Rectify(views=2))
+    assert body.scan is None
+    assert body.T_base_link_lidar is None
+
+
+def test_a_rectified_rig_of_unknown_scale_leaves_what_is_in_metres_aside() -> None:
+    source = pairs_of(Synthetic("room", frames=2, width_px=96, height_px=64).open())
+    assert None not in (source.load(0).pose, source.load(0).scan)
+    unknown = with_rig(source, replace(source.rig, metric=False))
+    frame = unknown.load(0)
+    assert (frame.pose, frame.motion, frame.scan, frame.labels) == (None, None, None, None)
+    assert frame.rig.T_left_velodyne is None
+    assert any("no metres" in note for note in unknown.summary.notes)

@@ -91,7 +91,9 @@ def test_one_pair_by_its_name(tmp_path: Path) -> None:
     assert has_pairs(path)
     assert not has_pairs(tmp_path / "absent.json")
     assert_same(read_any_rig(f"{path}#front").of_rectified, body["front"].rig)
-    assert read_any_rig(f"{path}#rear-2").raw is not None
+    rear = read_any_rig(f"{path}#rear-2").raw
+    assert rear is not None
+    assert_same(rear, body["rear-2"].rig)
     with pytest.raises(CalibrationField, match=r"2 pairs: front, rear-2") as error:
         read_any_rig(path)
     assert f"{path}#front" in error.value.fix

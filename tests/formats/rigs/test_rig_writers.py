@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from pseudolidar.errors import (
+    CalibrationField,
     CalibrationUnits,
     NotRectified,
     StructureError,
@@ -18,12 +19,14 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.rigs.kalibr import camchain_text
 from pseudolidar.formats.rigs.kitti import write_raw_calib
+from pseudolidar.formats.rigs.opencv_rig_writers import write_opencv
 from pseudolidar.formats.rigs.rig_file import read_any_rig
 from pseudolidar.formats.rigs.rig_json import read_rig, write_rig
 from pseudolidar.formats.rigs.rig_reading import RigReading
 from pseudolidar.formats.rigs.rig_writers import RigForm, form_of, write_any_rig
 from pseudolidar.geometry.rectification import rectification
 from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.pose import Pose
 from tests.raw_rigs import raw_rig
 from tests.recordings import small_rig
 
@@ -346,3 +349,25 @@ def test_a_written_file_replaces_whole_files_only(tmp_path: Path) -> None:
     with pytest.raises(StructureError):
         write_any_rig(str(path), reading_of(raw_rig(8)))
     assert path.read_bytes() == before
+
+
+def test_a_rectified_rig_off_its_rows_keeps_its_digits(tmp_path: Path) -> None:
+    """The right eye a little ahead, as KITTI's: Q is of the same rig, and T is not that of P."""
+    rig = small_rig()
+    place_m = np.array([-0.1 / 3, 0.0, 0.0004 / 3])
+    pose = Pose.from_rotation("camera_right", "camera_left", np.eye(3), place_m)
+    K = rig.left.K + np.array([[1 / 3, 0, 1 / 7], [0, 1 / 3, 0], [0, 0, 0]])
+    K[1, 1] = K[0, 0]
+    eyes = {"left": replace(rig.left, K=K), "right": replace(rig.right, K=K)}
+    off = replace(rig, **eyes, T_right_left=pose)
+    write_opencv(tmp_path / "a.yml", off)
+    assert "Q: " in (tmp_path / "a.yml").read_text()
+    got = read_any_rig(tmp_path / "a.yml").of_rectified
+    assert got.T_right_left.matrix.tobytes() == pose.matrix.tobytes()
+
+
+def test_a_camera_in_both_of_two_files_is_not_chosen_between(tmp_path: Path) -> None:
+    write_opencv(tmp_path / "intrinsics.yml", small_rig())
+    write_opencv(tmp_path / "extrinsics.yml", small_rig())
+    with pytest.raises(CalibrationField, match="twice, the first time at"):
+        read_any_rig(tmp_path)
