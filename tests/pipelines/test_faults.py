@@ -373,9 +373,9 @@ def test_no_name_is_given_across_file_systems(drive, tmp_path):
 
 
 def test_a_pair_of_which_no_point_is_left_is_no_empty_cloud(own_drive, tmp_path, capsys):
-    """A baseline of a millimetre has everything at the lens."""
+    """A baseline of a tenth of a millimetre has everything at the lens."""
     rig = json.loads((own_drive / "rig.json").read_text())
-    (own_drive / "rig.json").write_text(json.dumps({**rig, "baseline_m": 0.001}))
+    (own_drive / "rig.json").write_text(json.dumps({**rig, "baseline_m": 0.0001}))
     code, answer = convert(capsys, own_drive, tmp_path / "out", "--to", "pcd")
     assert (code, answer["error"]["code"]) == (3, "CloudEmpty")
     assert "removed were 100% near-lens noise" in answer["error"]["got"]

@@ -32,7 +32,8 @@ BRIGHT_SHARE = 0.6
 SKY_NEAR_M, SKY_NEAR_SHARE = 40.0, 0.35
 # What fills this share of the picture is no speckle, however small: a hand or a sheet of paper half
 # a metre away. At 3 m of KITTI's cameras the smallest area of a surface is 0.6 % of the picture.
-NO_SPECKLE_SHARE = 0.01
+# Nearer than this nothing is held before cameras, m.
+NO_SPECKLE_SHARE, AT_LENS_M = 0.01, 0.1
 
 
 @dataclass(frozen=True)
@@ -164,6 +165,7 @@ class Cleaner:
                 frame.rig.doffs_px,
                 s.speckle_m2,
                 s.speckle_m2 / (NO_SPECKLE_SHARE * values.size),
+                frame.rig.fB_px_m / AT_LENS_M - frame.rig.doffs_px,
                 frame.rig.fB_px_m / NEAR_M - frame.rig.doffs_px,
             )
             kernels.erase(values, sigma, reason)

@@ -193,13 +193,15 @@ def mark_speckles(
     doffs_px: float,
     min_m2: float,
     pixel_m2: float,
+    lens_px: float,
     near_px: float,
 ) -> None:
     """Mark small surfaces on their own: 4-connected parts with less area than `min_m2`.
 
     Neighbours hang together where their disparities differ by at most `link_px + link_rel d`. A
-    pixel at disparity d covers (B / (d + doffs))^2 square metres, B the baseline, and counts for no
-    less than `pixel_m2`. Parts nearer than `near_px` of disparity are marked as near-lens noise.
+    pixel at disparity d covers (B / (d + doffs))^2 square metres, B the baseline, and up to
+    `lens_px` of disparity counts for no less than `pixel_m2`. Parts nearer than `near_px` of
+    disparity are marked as near-lens noise.
     `values` are NaN where there is none, or where it was removed already.
     """
     height, width = values.shape
@@ -234,8 +236,9 @@ def mark_speckles(
                 d = following
             n = np.float32(x - first)
             side = np.float32(baseline_m) / max(total / n + np.float32(doffs_px), np.float32(1e-3))
+            least = np.float32(pixel_m2) if total <= n * np.float32(lens_px) else np.float32(0)
             row_of[count], first_of[count], last_of[count] = y, first, x
-            parents[count], area[count] = count, n * max(side * side, np.float32(pixel_m2))
+            parents[count], area[count] = count, n * max(side * side, least)
             count += 1
         if y > 0:
             joined_above, joined_here = -1, -1

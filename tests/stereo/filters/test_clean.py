@@ -290,7 +290,7 @@ def test_speckles_are_the_small_parts_that_a_graph_finds(seed):
     area_m2 = 0.05
     # What a pixel counts for at least, from 32 px of disparity on: 200 of them are no speckle.
     pixel_m2 = area_m2 / 200
-    kernels.mark_speckles(values, reason, 0.5, 0.02, BASELINE_M, 0.0, area_m2, pixel_m2, 1e9)
+    kernels.mark_speckles(values, reason, 0.5, 0.02, BASELINE_M, 0.0, area_m2, pixel_m2, 1e9, 1e9)
 
     number = np.arange(values.size).reshape(values.shape)
     links = []
