@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
+import io
 import json
 import shlex
 from pathlib import Path
@@ -20,22 +23,32 @@ from pseudolidar.geometry.rectification import rectification
 from pseudolidar.sources.bare_films import recognise_bare
 
 pytestmark = pytest.mark.real
+PINHOLE, SWAPPED = "pinhole_640x360_square_0.02423m", "swapped_640x512"
+FISHEYE = "fisheye_960x600_square_0.02423m"
 SQUARE_M = "0.02423"
 # Depths of the board against its own geometry, and how much of it has one; of all 83 views the
 # medians are 0.3, 0.4 and 0.5 % and 94, 86 and 79 %.
 DEPTH_REL, DENSITY = 0.01, 0.75
 
 
-def calibrated(folder, tmp_path, capsys) -> dict:
-    out = tmp_path / "rig.json"
-    args = ["calibrate", str(folder), "--board", "chessboard:9x6", "--square", SQUARE_M]
-    assert main([*args, "--out", str(out), "--json"]) == 0
-    return json.loads(capsys.readouterr().out)
+@pytest.fixture(scope="module")
+def calibrated(real_data, tmp_path_factory):
+    """What `calibrate` says of a set, which it looks at once."""
+
+    @functools.cache
+    def told(name: str) -> dict:
+        out = tmp_path_factory.mktemp("calibrated") / "rig.json"
+        folder = str(real_data / "chessboard" / name)
+        call = ["calibrate", folder, "--board", "chessboard:9x6", "--square", SQUARE_M]
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            assert main([*call, "--out", str(out), "--json"]) == 0
+        return json.loads(printed.getvalue())
+
+    return told
 
 
-def test_pinhole_cameras(real_data, tmp_path, capsys):
-    folder = real_data / "chessboard" / "pinhole_640x360_square_0.02423m"
-    told = calibrated(folder, tmp_path, capsys)
+def test_pinhole_cameras(calibrated):
+    told = calibrated(PINHOLE)
     assert told["model"] == "pinhole"
     assert told["rms_stereo"] <= 0.24
     assert max(told["rms_left"], told["rms_right"]) <= 0.15
@@ -44,17 +57,16 @@ def test_pinhole_cameras(real_data, tmp_path, capsys):
     assert (told["views_used"], told["swapped"]) == (29, False)
 
 
-def test_exchanged_eyes(real_data, tmp_path, capsys):
-    told = calibrated(real_data / "chessboard" / "swapped_640x512", tmp_path, capsys)
+def test_exchanged_eyes(calibrated):
+    told = calibrated(SWAPPED)
     assert told["swapped"]
     assert told["rms_stereo"] <= 0.17
     assert told["holdout_row_error_px"] <= 0.12
     assert told["verdict"] == "good"
 
 
-def test_fisheye_cameras(real_data, tmp_path, capsys):
-    folder = real_data / "chessboard" / "fisheye_960x600_square_0.02423m"
-    told = calibrated(folder, tmp_path, capsys)
+def test_fisheye_cameras(calibrated):
+    told = calibrated(FISHEYE)
     assert told["model"] == "fisheye"
     assert told["rms_stereo"] <= 0.31
     assert max(told["rms_left"], told["rms_right"]) <= 0.19
@@ -63,20 +75,13 @@ def test_fisheye_cameras(real_data, tmp_path, capsys):
     assert told["views_used"] >= 22
 
 
-@pytest.mark.parametrize(
-    ("name", "view"),
-    [
-        ("pinhole_640x360_square_0.02423m", "13"),
-        ("swapped_640x512", "04"),
-        ("fisheye_960x600_square_0.02423m", "12"),
-    ],
-)
-def test_two_commands_give_metres(real_data, tmp_path, capsys, name, view):
+@pytest.mark.parametrize(("name", "view"), [(PINHOLE, "13"), (SWAPPED, "04"), (FISHEYE, "12")])
+def test_two_commands_give_metres(calibrated, tmp_path, name, view):
     """The board where it is, by the command that `calibrate` ends with; views held near, or small.
 
     Without a nearest depth of the rig, or with boards taken for speckles, no point of it is left.
     """
-    told = calibrated(real_data / "chessboard" / name, tmp_path, capsys)
+    told = calibrated(name)
     call = shlex.split(told["command"])[1:]
     call[call.index("clouds")] = str(tmp_path / "clouds")
     assert main([*call, "--frames", view, "--to", "npz"]) == 0
