@@ -254,8 +254,10 @@ def test_tuned_settings_are_taken_by_what_has_them(
     file.write_text(json.dumps({"settings": tuned}))
     assert "smooth" in error_of(capsys, *job("kitti/a", "--settings", str(file)))["got"]
     wrong = {"tuned": {}, "settings": {"matcher": {"kind": "guess"}}}
-    file.write_text(json.dumps(wrong))
+    file.write_text(json.dumps({"schema": 1, **wrong}))
     assert error_of(capsys, *job("kitti/a", "--settings", str(file)))["where"] == "matcher"
+    file.write_text(json.dumps(wrong))
+    assert error_of(capsys, *job("kitti/a", "--settings", str(file)))["where"] == "schema"
 
 
 # --- results, errors, exit codes -----------------------------------------------------------------
