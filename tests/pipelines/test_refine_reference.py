@@ -15,6 +15,7 @@ from pseudolidar.evaluation.compared import against_truth
 from pseudolidar.evaluation.ranges import errors_by_range
 from pseudolidar.formats.rigs.rig_json import read_rig
 from pseudolidar.sources.kitti.stereo import KittiStereo
+from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.stereo.census import Census
 
 FRAMES = 5
@@ -214,3 +215,37 @@ def test_pairs_without_a_reference_are_told_what_to_do(tmp_path, capsys):
     error = told(capsys, "refine", tmp_path, "--out", out, "--json", status=3)["error"]
     assert "--by motion" in error["fix"]
     assert not out.exists()
+
+
+PITCH_DEG = 0.1
+
+
+@pytest.fixture(scope="module")
+def pitched(exact, tmp_path_factory):
+    """The street, with a LiDAR that is calibrated as if it looked further down than it does."""
+    folder = tmp_path_factory.mktemp("pitched") / "training"
+    shutil.copytree(exact, folder)
+    c, s = np.cos(np.radians(PITCH_DEG)), np.sin(np.radians(PITCH_DEG))
+    down = np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
+    for path in (folder / "calib").iterdir():
+        lines = path.read_text().splitlines()
+        at = next(i for i, line in enumerate(lines) if line.startswith("Tr:"))
+        key, numbers = lines[at].split(":")
+        turned = down @ np.array(numbers.split(), float).reshape(3, 4)
+        lines[at] = f"{key}: " + " ".join(f"{x:.12g}" for x in turned.ravel())
+        path.write_text("\n".join(lines) + "\n")
+    return folder
+
+
+def test_a_lidar_that_looks_too_low_is_found_and_raised(exact, pitched, tmp_path, capsys):
+    out = tmp_path / "rig.json"
+    found = told(capsys, "refine", pitched, "--matcher", "census", "--out", out, "--json")
+    assert found["lidar_pitch_deg"] == pytest.approx(PITCH_DEG, abs=0.02)
+    assert 0 < found["lidar_pitch_sigma_deg"] < 0.02
+    right = KittiStereo(str(exact)).open().rig.T_left_velodyne
+    raised = opened_with_rig(KittiStereo(str(pitched)), out).load(0).rig.T_left_velodyne
+    off = raised @ right.inverse()
+    assert np.degrees(np.linalg.norm(off.matrix[:3, :3] - np.eye(3)) / np.sqrt(2)) < 0.02
+    again = told(capsys, "refine", pitched, "--matcher", "census", "--rig", out, "--out",
+                 tmp_path / "again.json", "--json")  # fmt: skip
+    assert again["out"] is None  # nothing is left to be put right
