@@ -18,7 +18,8 @@ from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.motion_refining import PictureRefinement, refined_by_pictures
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.preflight import preflight
-from pseudolidar.running.reference_refining import ReferenceRefinement, refined_by_reference
+from pseudolidar.running.reference_refining import refined_by_reference
+from pseudolidar.running.reports.reference_refinement import ReferenceRefinement
 from pseudolidar.running.rig_output import check_rig_place, store_rig
 from pseudolidar.sources.aligned_rows import with_rows_aligned
 from pseudolidar.sources.other_rig import opened_as_taken
