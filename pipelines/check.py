@@ -23,6 +23,7 @@ from pseudolidar.running.rig_output import check_rig_place, store_rig
 from pseudolidar.running.scan_numbers import numbered_alone, scan_numbers
 from pseudolidar.running.table import table_text
 from pseudolidar.sources.kitti.extract import KittiExtract
+from pseudolidar.sources.kitti.scan_times import numbered
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.rectified import Rectify, raw_rig
@@ -47,8 +48,9 @@ class Check:
 
     All pairs together tell how one eye is turned against what the rig says, with standard
     deviations: the more of them (--frames), the surer. --out writes the rig with that put right.
-    Where scans have no times (unsynchronised KITTI), those of other numbers are tried, too.
     The yaw is hardly seen in the rows; `refine` by motion or by scans sees what it does.
+
+    Where scans have no times (unsynchronised KITTI), those of other numbers are tried, too.
 
     Exit code 3 where something would stop a run, else 0.
 
@@ -179,7 +181,7 @@ def scans_found(job: Check) -> tuple[Finding, ...]:
         return (Finding(SCANS, "good", f"equal numbers fit best: {fits}"),)
     usual = found.error_rel.get(0)
     than = "" if usual is None else f", by {usual:.1%} with equal numbers"
-    seen = f"picture n belongs to scan n - {found.best}: {fits}{than}"
+    seen = f"picture n belongs to scan {numbered(found.best)}: {fits}{than}"
     mend = f"Pass --scan-offset {found.best}."
     return (Finding(SCANS, "note", seen, None, mend, {"scan_offset": found.best}),)
 

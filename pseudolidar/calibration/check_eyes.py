@@ -16,8 +16,8 @@ LEAST_INLIERS = 20
 # Share of the matches that one reading must put behind infinity, and the other may. Swapped pairs
 # of KITTI, Middlebury and rendered worlds have 0.74 and more, right ones 0.005 and less.
 IMPOSSIBLE, POSSIBLE = 0.25, 0.05
-# Fewer matches than one clump are chance, such as squares of a board taken for one another.
-# Odds of one clump of matches, of so many, for either reading.
+# Matches of one clump, and its odds for either reading. Fewer behind infinity are chance, such as
+# squares of a board that are taken for one another.
 CLUMP, CLUMP_ODDS = 10.0, 20.0
 # The same picture stored twice, in another format: nine of ten matches do not move, and its pixels
 # agree. Pictures of two eyes correlate by 0.55 to 0.94, and what is near moves.

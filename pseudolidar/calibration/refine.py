@@ -20,7 +20,7 @@ from pseudolidar.errors import CalibrationValue
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.correction import DisparityCorrection, SigmaScale
 from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
-from pseudolidar.structures.samples import DisparitySamples
+from pseudolidar.structures.samples import MRAD, DisparitySamples
 
 # Fewer than this cannot tell eight coefficients from noise that is correlated over some pixels.
 MIN_SAMPLES = 500
@@ -117,8 +117,8 @@ def refined(
         held.covariance[rig, rig],
         fitted_m,
     )
-    pitch_rad = found[PITCH] / 1000.0, np.sqrt(held.covariance[PITCH, PITCH]) / 1000.0
-    return Refinement(correction, choice, len(samples), frames, *map(float, pitch_rad))
+    pitch_rad, sigma_rad = MRAD * found[PITCH], MRAD * np.sqrt(held.covariance[PITCH, PITCH])
+    return Refinement(correction, choice, len(samples), frames, float(pitch_rad), float(sigma_rad))
 
 
 def _solved(samples: DisparitySamples, *, pitch: bool) -> tuple[Choice, Float64, _HeldOut]:

@@ -10,7 +10,7 @@ import numpy as np
 from pseudolidar.errors import ReferenceMissing
 from pseudolidar.evaluation.cloud_distances import CloudDistances
 from pseudolidar.evaluation.sigma import total_sigma
-from pseudolidar.geometry.projection import ProjectedScan, project_scan
+from pseudolidar.geometry.projection import ProjectedScan, project_scan, px_per_radian
 from pseudolidar.geometry.triangulation import (
     corrected_disparity,
     depth_from_disparity,
@@ -21,7 +21,7 @@ from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
-from pseudolidar.structures.samples import DisparitySamples
+from pseudolidar.structures.samples import MRAD, DisparitySamples
 
 # Slopes are taken over so many pixels to each side; what is steeper (px a px) is an edge.
 SLOPE_PX, STEEPEST = 4, 0.5
@@ -100,8 +100,8 @@ class ComparedFrame:
         It then calls for the disparity of a place that lies higher in the picture. 0 by edges.
         """
         focal_px, centre_px = self.rig.left.K[1, 1:]
-        y = (self.v - centre_px) / focal_px
-        return np.asarray(np.nan_to_num(self.slope[:, 1]) * focal_px * (1.0 + y * y) / 1000.0)
+        rows = MRAD * px_per_radian(self.v - centre_px, float(focal_px))
+        return np.asarray(np.nan_to_num(self.slope[:, 1]) * rows)
 
     def with_correction(self, correction: DisparityCorrection | None) -> ComparedFrame:
         """The same by another correction of the rig."""
@@ -111,7 +111,7 @@ class ComparedFrame:
         """As against a LiDAR raised by a small angle: references follow the slopes about them."""
         if not pitch_rad:
             return self
-        reference_px = self.reference_px + 1000.0 * pitch_rad * self.per_pitch
+        reference_px = self.reference_px + pitch_rad / MRAD * self.per_pitch
         return replace(self, reference_m=depth_from_disparity(reference_px, self.u, self.rig))
 
     def thinned(self, most: int) -> ComparedFrame:

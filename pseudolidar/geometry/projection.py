@@ -37,6 +37,17 @@ class Occluders:
 OCCLUDERS = Occluders()
 
 
+def px_per_radian(off_px: Float64, focal_px: float) -> Float64:
+    """(N,) px that points of a picture move by along an axis for a turn of its camera, a radian.
+
+    Args:
+        off_px: (N,) where they are on that axis, from the principal point.
+        focal_px: focal length.
+    """
+    tangent = off_px / focal_px
+    return np.asarray(focal_px * (1.0 + tangent * tangent))
+
+
 @dataclass(frozen=True, eq=False)
 class ProjectedScan:
     """Points of a scan as the left camera sees them.

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.evaluation.compared import against_scan
+from pseudolidar.running.progress import FrameProgress
 from pseudolidar.sources.kitti.extract import ExtractFrames, KittiExtract
 from pseudolidar.sources.source import FrameSource, evenly_placed
 from pseudolidar.stereo.matcher import StereoMatcher
+from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.disparity import DisparityMap
 
 # Scans of so many pictures before and after are tried, each with so many pictures.
@@ -61,25 +63,38 @@ def scan_numbers(
     """
     matched: dict[int, DisparityMap] = {}
     error_rel: dict[int, float] = {}
-    for offset in range(-FARTHEST, FARTHEST + 1):
-        numbered = replace(source, scan_offset=offset)
-        pairs = opened(numbered)
-        differences = []
-        for index in _with_scan(numbered.open()):
-            try:
-                frame = pairs.load(index)
-                if index not in matched:
-                    matched[index] = matcher(frame)
-                compared = against_scan(matched[index], frame)
-            except PseudolidarError:
-                continue
-            known = compared.matched
-            depth_m, reference_m = compared.depth_m[known], compared.reference_m[known]
-            differences.append(np.abs(depth_m - reference_m) / reference_m)
-        together = np.concatenate(differences) if differences else np.empty(0)
-        if np.isfinite(together).sum() >= LEAST_POINTS:
-            error_rel[offset] = float(np.nanmedian(together))
+    offsets = range(-FARTHEST, FARTHEST + 1)
+    with FrameProgress(len(offsets), what="numbers of scans") as progress:
+        for offset in offsets:
+            numbered = replace(source, scan_offset=offset)
+            pairs, scanned = opened(numbered), _with_scan(numbered.open())
+            differences = _differences(pairs, scanned, matcher, matched)
+            if np.isfinite(differences).sum() >= LEAST_POINTS:
+                error_rel[offset] = float(np.nanmedian(differences))
+            progress.advance()
     return ScanNumbers(error_rel) if error_rel else None
+
+
+def _differences(
+    pairs: FrameSource,
+    scanned: Sequence[int],
+    matcher: StereoMatcher,
+    matched: dict[int, DisparityMap],
+) -> Float64:
+    """(N,) relative differences of depths; `matched` keeps what is matched, for other scans."""
+    differences = [np.empty(0)]
+    for index in scanned:
+        try:
+            frame = pairs.load(index)
+            if index not in matched:
+                matched[index] = matcher(frame)
+            compared = against_scan(matched[index], frame)
+        except PseudolidarError:
+            continue
+        known = compared.matched
+        depth_m, reference_m = compared.depth_m[known], compared.reference_m[known]
+        differences.append(np.abs(depth_m - reference_m) / reference_m)
+    return np.concatenate(differences)
 
 
 def _with_scan(frames: ExtractFrames) -> tuple[int, ...]:

@@ -11,6 +11,8 @@ from pseudolidar.errors import StructureError
 from pseudolidar.structures.arrays import Bool, Float64, Int64, check_array
 from pseudolidar.structures.disparity import DisparityMap
 
+MRAD = 1e-3  # rad, the unit of angles that samples are told against
+
 
 @dataclass(frozen=True, eq=False)
 class DisparitySamples:

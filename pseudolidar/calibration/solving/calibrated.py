@@ -98,8 +98,9 @@ def calibrate(
 
 def _of_views(error: CalibrationValue) -> CalibrationValue:
     """What is wrong with views of a board, where the error speaks of a calibration's file."""
+    found = ", ".join(part for part in (error.where, error.got) if part)
     return CalibrationValue(
-        f"no possible cameras follow from these views: {error.where}, {error.got}",
+        f"no possible cameras follow from these views: {found}",
         want=error.want,
         fix="Tilt the board by 30 degrees to all sides, hold it near and far, with both pictures "
         "of a pair of one moment. Check --board, and that left and right go together.",

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.evaluation.diagnosis.blocks import ErrorBlocks
+from pseudolidar.geometry.projection import px_per_radian
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import StereoRig
 
@@ -82,8 +83,7 @@ def _offset(seen: Seen) -> Float64:
 
 
 def _yaw(seen: Seen) -> Float64:
-    x = seen.x_px / seen.focal_px
-    return np.asarray(np.radians(1.0) * seen.focal_px * (1.0 + x * x))
+    return np.asarray(np.radians(1.0) * px_per_radian(seen.x_px, seen.focal_px))
 
 
 def _tilt(seen: Seen) -> Float64:
@@ -99,13 +99,13 @@ def _lidar_forward(seen: Seen) -> Float64:
 
 
 def _lidar_yaw(seen: Seen) -> Float64:
-    x = seen.left_x_px / seen.focal_px
-    return np.asarray(seen.slope[0] * np.radians(1.0) * seen.focal_px * (1.0 + x * x))
+    moved_px = np.radians(1.0) * px_per_radian(seen.left_x_px, seen.focal_px)
+    return np.asarray(seen.slope[0] * moved_px)
 
 
 def _lidar_pitch(seen: Seen) -> Float64:
-    y = seen.y_px / seen.focal_px
-    return np.asarray(seen.slope[1] * np.radians(1.0) * seen.focal_px * (1.0 + y * y))
+    moved_px = np.radians(1.0) * px_per_radian(seen.y_px, seen.focal_px)
+    return np.asarray(seen.slope[1] * moved_px)
 
 
 CAUSES = (

@@ -47,6 +47,18 @@ LARGEST_PITCH_RAD = 0.1
 NOWHERE_M = 1e-9
 
 
+def check_coefficients(count: int, model: str, node: Node) -> None:
+    """Raise `CalibrationSyntax`, with the place of `node`, where no such lens has so many."""
+    if count not in COEFFICIENTS[model]:
+        allowed = " or ".join(str(n) for n in COEFFICIENTS[model])
+        raise CalibrationSyntax(
+            f"{count} numbers",
+            want=f"{allowed} of a {model} lens",
+            path=node.path,
+            where=node.where,
+        )
+
+
 def camera(node: Node, size_px: tuple[int, int], frame: str) -> Camera:
     """A camera; `size_px` is its size unless it says another."""
     optional = ("K", "fx", "fy", "cx", "cy", "distortion", "model", "width_px", "height_px")
@@ -61,14 +73,7 @@ def camera(node: Node, size_px: tuple[int, int], frame: str) -> Camera:
             where=fields["model"].where,
         )
     distortion = numbers(fields["distortion"]) if "distortion" in fields else np.zeros(0)
-    if len(distortion) not in COEFFICIENTS[model]:
-        allowed = " or ".join(str(n) for n in COEFFICIENTS[model])
-        raise CalibrationSyntax(
-            f"{len(distortion)} numbers",
-            want=f"{allowed} of a {model} lens",
-            path=node.path,
-            where=fields["distortion"].where,
-        )
+    check_coefficients(len(distortion), model, fields.get("distortion", node))
     width, height = (
         count(fields[key]) if key in fields else default
         for key, default in zip(("width_px", "height_px"), size_px, strict=True)

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from pseudolidar.errors import CalibrationSyntax, CalibrationValue, PseudolidarError
+from pseudolidar.errors import CalibrationValue, PseudolidarError
 from pseudolidar.formats.rigs.placed import at_place
-from pseudolidar.formats.rigs.rig_parts import COEFFICIENTS
+from pseudolidar.formats.rigs.rig_parts import check_coefficients
 from pseudolidar.formats.rigs.stereo_fields import StereoFields, of_eye
 from pseudolidar.formats.rigs.storage import matrix_of
 from pseudolidar.formats.text import LONGEST_SHOWN
@@ -46,14 +46,7 @@ def _lens(fields: StereoFields, eye: int) -> tuple[Float64, LensModel]:
     if node is None or node.value == ():
         return np.zeros(0), model
     numbers = matrix_of(node).ravel()
-    if len(numbers) not in COEFFICIENTS[model]:
-        allowed = " or ".join(str(n) for n in COEFFICIENTS[model])
-        raise CalibrationSyntax(
-            f"{len(numbers)} numbers",
-            want=f"{allowed} of a {model} lens",
-            path=node.path,
-            where=node.where,
-        )
+    check_coefficients(len(numbers), model, node)
     return numbers, model
 
 

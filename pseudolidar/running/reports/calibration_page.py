@@ -10,6 +10,7 @@ import numpy as np
 
 from pseudolidar import __version__
 from pseudolidar.calibration.solving.calibrated import Calibration
+from pseudolidar.calibration.solving.choose import BETTER
 from pseudolidar.calibration.solving.left_out import LeftOut
 from pseudolidar.evaluation.page import KeyFigure, Picture, PictureRow, Section, render_page
 from pseudolidar.geometry.grey import grey8_of
@@ -224,7 +225,7 @@ def _models(calibration: Calibration) -> Section:
     return Section(
         "Lens models",
         text="A model with more freedom is taken only where it predicts views that were held out "
-        "5 % better.",
+        f"{BETTER:.0%} better.",
         header=("model", "held-out views, px", "stereo rms, px", "rows, px", "pairs"),
         table=rows,
     )

@@ -38,6 +38,7 @@ from pseudolidar.sources.kitti.parts import (
 from pseudolidar.sources.kitti.scan_times import (
     ScanTimes,
     TimedScan,
+    numbered,
     renumbered_note,
     scans_of_pictures,
 )
@@ -264,7 +265,7 @@ def _how(
     if not len(scans):
         return ()
     if offset is not None:
-        return (f"velodyne: picture n has scan n - {offset}, as said",)
+        return (f"velodyne: picture n has scan {numbered(offset)}, as said",)
     if not times.forward_ns:
         return (
             "velodyne: scans have no times, equal numbers are taken for equal moments; "

@@ -121,6 +121,11 @@ def scans_of_pictures(
     return by_time or by_number
 
 
+def numbered(offset: int) -> str:
+    """The number of the scan of picture n, in words: n, n - 2, n + 2."""
+    return "n" if not offset else f"n {'-' if offset > 0 else '+'} {abs(offset)}"
+
+
 def renumbered_note(scan_of: Mapping[FrameNumber, FrameNumber]) -> tuple[str, ...]:
     """What to say where scans have another number than their picture."""
     other = sum(picture != scan for picture, scan in scan_of.items())

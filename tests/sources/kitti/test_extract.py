@@ -28,6 +28,7 @@ from pseudolidar.geometry.rectification import rectification
 from pseudolidar.sources.kitti.drives import is_unrectified
 from pseudolidar.sources.kitti.extract import KittiExtract
 from pseudolidar.sources.kitti.raw import KittiRaw
+from pseudolidar.sources.kitti.scan_times import numbered
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.structures.frame import RawPair
@@ -306,3 +307,7 @@ def test_the_real_drive(real_data):
     assert len(pair.scan) == 120_390
     assert pair.timestamp_ns % 1_000_000_000 == 903_792_640
     assert np.linalg.norm(pair.rig.T_right_left.translation_m) == pytest.approx(0.53717, abs=1e-5)
+
+
+def test_scans_of_other_numbers_are_worded():
+    assert [numbered(offset) for offset in (0, 2, -3)] == ["n", "n - 2", "n + 3"]
