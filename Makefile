@@ -8,6 +8,9 @@ BIN := $(VENV)/bin
 BUILD := build
 PIP := -m pip install --disable-pip-version-check --quiet
 
+# Where bytecode is not kept, every process that a test starts would compile the package again.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: help demo test lint format bench soak fuzz wheel-check lowest hooks clean
 
 help:
