@@ -14,6 +14,7 @@ import pytest
 
 from pseudolidar.errors import UsageError, WorkerFault
 from pseudolidar.running.bad_frames import good_frames
+from pseudolidar.running.crew import child
 from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.crew.parcels import new_area, packed, unpacked
@@ -21,6 +22,7 @@ from pseudolidar.running.stream import stream
 from tests.misbehaviour import CrashingSource, Misbehave
 
 ROOT = Path(__file__).resolve().parents[3]
+CHILD = child.__name__  # what the command line of a process names
 
 
 def isolated(source, per_frame, workers=1, **options):
@@ -29,7 +31,7 @@ def isolated(source, per_frame, workers=1, **options):
 
 
 def descendants():
-    return [p for p in psutil.Process().children(recursive=True) if "running.child" in _line(p)]
+    return [p for p in psutil.Process().children(recursive=True) if CHILD in _line(p)]
 
 
 def _line(process):
@@ -141,17 +143,19 @@ def test_work_that_cannot_be_loaded_ends_the_run(texture_source, tmp_path, monke
 
 
 def test_a_child_killed_from_outside_is_replaced(texture_source):
-    source = texture_source(30)
+    source, killed = texture_source(30), []
 
     def kill_one():
         wait_for(descendants)
         time.sleep(0.5)
-        descendants()[0].kill()
+        killed.append(descendants()[0])
+        killed[0].kill()
 
     killer = threading.Thread(target=kill_one)
     killer.start()
     outcomes = isolated(source, Misbehave(pause_s=0.1), workers=2)
     killer.join()
+    assert killed
     assert [o.value for o in outcomes] == [o.value for o in stream(source, Misbehave())]
 
 
