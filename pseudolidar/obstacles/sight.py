@@ -1,0 +1,70 @@
+"""What may be looked at where objects are searched for: one frame, with what is known of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pseudolidar.errors import StructureError
+from pseudolidar.geometry.planes import Plane
+from pseudolidar.structures.arrays import Bool, Float32, Image, check_array
+from pseudolidar.structures.box import Label
+from pseudolidar.structures.camera import LEFT_FRAME, Camera
+from pseudolidar.structures.disparity import DepthMap
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """A rectified picture with the depth of its pixels.
+
+    Args:
+        id: the source's name of the frame.
+        image: (H, W) grey or (H, W, 3) RGB, uint8 or uint16, of the left camera.
+        camera: of that picture, without lens distortion.
+        depth: (H, W) Z in m with its sigma; NaN where nothing is known.
+        right: the right picture, like `image`; None where there is one camera.
+        baseline_m: between the cameras; None where there is one.
+        ground: the plane that things stand on, in `camera_left`, its normal up; None where none
+            was found.
+        is_ground: (H, W) pixels that lie on it.
+        labels: labelled objects of the frame, or None where the source has none.
+
+    Raises:
+        StructureError: maps of another size than the picture, a plane in another frame.
+    """
+
+    id: str
+    image: Image
+    camera: Camera
+    depth: DepthMap
+    right: Image | None = None
+    baseline_m: float | None = None
+    ground: Plane | None = None
+    is_ground: Bool | None = None
+    labels: tuple[Label, ...] | None = None
+
+    def __post_init__(self) -> None:
+        size = self.image.shape[:2]
+        self.camera.check_size(size[1], size[0])
+        check_array("Sight", "depth", self.depth.values, size, np.float32)
+        if self.right is not None:
+            check_array("Sight", "right", self.right, self.image.shape, self.image.dtype.type)
+        if self.is_ground is not None:
+            check_array("Sight", "is_ground", self.is_ground, size, np.bool_)
+        if self.ground is not None and self.ground.frame != LEFT_FRAME:
+            raise StructureError(
+                f"a ground plane in {self.ground.frame!r}", want=LEFT_FRAME, where="Sight.ground"
+            )
+
+    @cached_property
+    def xyz(self) -> Float32:
+        """(H, W, 3) m in `camera_left`; NaN where there is no depth."""
+        fx, fy = self.camera.K[0, 0], self.camera.K[1, 1]
+        cx, cy = self.camera.K[0, 2], self.camera.K[1, 2]
+        z = self.depth.values
+        height, width = z.shape
+        across = ((np.arange(width) - cx) / fx).astype(np.float32)
+        down = ((np.arange(height) - cy) / fy).astype(np.float32)
+        return np.stack([z * across, z * down[:, None], z], axis=2)
