@@ -19,7 +19,7 @@ from pseudolidar.commandline.verbs import load_verb
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.evaluation.map_files import read_map
 from pseudolidar.formats.limits import DEFAULT_LIMITS
-from pseudolidar.formats.onnx_model import read_onnx
+from pseudolidar.formats.onnx.model import read_onnx
 from pseudolidar.formats.oxts import read_oxts
 from pseudolidar.formats.pictures.depth_png import encode_depth_png, read_depth_png
 from pseudolidar.formats.pictures.disparity_png import encode_disparity_png, read_disparity_png

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from pseudolidar.errors import ModelError, PseudolidarError, StereoConfig
-from pseudolidar.formats.onnx_model import OnnxModel, read_onnx
+from pseudolidar.formats.onnx.model import OnnxModel, read_onnx
+from pseudolidar.formats.onnx.session import NetworkSession, Provider
 from pseudolidar.geometry.grey import grey8_pair, shift_to_8_bits
 from pseudolidar.stereo.disparity_range import check_min_depth, disparity_range
 from pseudolidar.stereo.networks.layout import NetworkLayout, layout_beside
 from pseudolidar.stereo.networks.names import expected_layout, family_of
-from pseudolidar.stereo.networks.session import NetworkSession, Provider
 from pseudolidar.stereo.networks.sizes import padded, resized, tiled
 from pseudolidar.structures.arrays import Float32, Image, UInt8
 from pseudolidar.structures.disparity import DEFAULT_MIN_DEPTH_M, DisparityMap

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from pseudolidar.errors import ModelError
-from pseudolidar.formats.onnx_model import read_onnx
+from pseudolidar.formats.onnx.model import read_onnx
+from pseudolidar.formats.onnx.session import NetworkSession
 from pseudolidar.stereo.networks.layout import NetworkLayout
 from pseudolidar.stereo.networks.names import expected_layout
 from pseudolidar.stereo.networks.probe import find_layout, working_pad
 from pseudolidar.stereo.networks.scene import probe_scene
-from pseudolidar.stereo.networks.session import NetworkSession
 from tests.stereo import graphs
 
 SIZE = (224, 96)

@@ -20,7 +20,7 @@ from pseudolidar.errors import (
 )
 from pseudolidar.evaluation.map_files import read_map
 from pseudolidar.formats.labels import read_labels
-from pseudolidar.formats.onnx_model import read_onnx
+from pseudolidar.formats.onnx.model import read_onnx
 from pseudolidar.formats.oxts import read_oxts
 from pseudolidar.formats.pictures.image import read_header
 from pseudolidar.formats.pictures.image_kinds import EXTENSIONS, SNIFFED_BYTES, content_kind

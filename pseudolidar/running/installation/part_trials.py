@@ -135,7 +135,7 @@ def networks() -> str:
     """Run a graph of one node, and tell where networks can run."""
     import onnxruntime
 
-    from pseudolidar.stereo.networks.session import available_providers
+    from pseudolidar.formats.onnx.session import available_providers
 
     runs = onnxruntime.InferenceSession(_SUM_GRAPH, providers=["CPUExecutionProvider"])
     given = {"a": np.array([1, 2], np.float32), "b": np.array([3, 4], np.float32)}

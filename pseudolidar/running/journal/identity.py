@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pseudolidar import __version__
-from pseudolidar.formats.onnx_model import read_onnx
+from pseudolidar.formats.onnx.model import read_onnx
 from pseudolidar.running.settings_json import result_settings
 from pseudolidar.sources.source import FrameSequence
 from pseudolidar.structures.recorded import Frame

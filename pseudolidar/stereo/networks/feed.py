@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from pseudolidar.formats.onnx_model import OnnxModel, TensorInfo
+from pseudolidar.formats.onnx.model import OnnxModel, TensorInfo
+from pseudolidar.formats.onnx.pixels import as_tensor, normalised
 from pseudolidar.stereo.networks.layout import NetworkLayout
-from pseudolidar.stereo.networks.names import channel_axis
 from pseudolidar.structures.arrays import AnyArray, Float32, UInt8
 
-# Mean and deviation of ImageNet's R, G, B in 0..1, which volume networks were trained with.
-IMAGENET_MEAN = np.array([0.485, 0.456, 0.406], np.float32)
-IMAGENET_DEVIATION = np.array([0.229, 0.224, 0.225], np.float32)
 # An initial flow comes from OpenCV's matcher, at half size, over this share of its width.
 _FLOW_RANGE_SHARE, _FLOW_STEP = 0.25, 16
 
@@ -53,33 +50,8 @@ def tensors(
 
 def _image(info: TensorInfo, layout: NetworkLayout, *images: UInt8) -> AnyArray:
     """(1, C, H, W), or (1, H, W, C) where the network takes that, of one image or both."""
-    planes = np.concatenate([_normalised(image, layout) for image in images], axis=2)
-    if channel_axis(info) == 1:
-        planes = planes.transpose(2, 0, 1)
-    return np.ascontiguousarray(planes[None], info.dtype)
-
-
-def _normalised(image: UInt8, layout: NetworkLayout) -> Float32:
-    """(H, W, C) float32 in the order and range of the layout."""
-    if layout.channels == "grey":
-        import cv2
-
-        grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
-        values: Float32 = np.asarray(grey[:, :, None], np.float32)
-    else:
-        values = np.asarray(image, np.float32)
-    match layout.normalisation:
-        case "unit":
-            values = values / np.float32(255)
-        case "centred":
-            values = values / np.float32(127.5) - 1
-        case "imagenet":
-            mean, deviation = IMAGENET_MEAN, IMAGENET_DEVIATION
-            if layout.channels == "grey":
-                mean, deviation = mean.mean(keepdims=True), deviation.mean(keepdims=True)
-            values = (values / np.float32(255) - mean) / deviation
-    ordered = values[:, :, ::-1] if layout.channels == "bgr" else values
-    return np.asarray(ordered, np.float32)
+    parts = [normalised(image, layout.normalisation, layout.channels) for image in images]
+    return as_tensor(info, np.concatenate(parts, axis=2))
 
 
 def _half(image: UInt8) -> UInt8:

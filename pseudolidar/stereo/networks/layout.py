@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Self, get_args, get_type_hints
+from typing import Any, Literal, Self
 
 from pseudolidar.errors import ModelError
-from pseudolidar.formats.onnx_model import OnnxModel
+from pseudolidar.formats.onnx.description import (
+    as_flags,
+    check_choices,
+    filled,
+    json_beside,
+    known_values,
+    of_metadata,
+    of_values,
+    unknown_fields,
+)
+from pseudolidar.formats.onnx.model import OnnxModel
+from pseudolidar.formats.onnx.pixels import Channels, Normalisation
 
-Normalisation = Literal["unit", "raw", "imagenet", "centred"]
-Channels = Literal["rgb", "bgr", "grey"]
 Sign = Literal["positive", "negative"]
 Unit = Literal["pixel", "width"]
 
@@ -20,10 +28,7 @@ ROLES = (
     *("left", "right", "left+right", "right+left", "half-left", "half-right"),
     *("flow", "negative-flow", "iterations", "true", "false"),
 )
-# Fields that are numbers, with the types of JSON that they may have; the others are text.
-_NUMBERS: dict[str, tuple[type, ...]] = {"channel": (int,), "scale": (float, int), "pad": (int,)}
-PREFIX = "pseudolidar."  # of our keys in a network's own metadata
-_LARGEST_SIDECAR_BYTES = 100_000
+_EXAMPLE = 'an object such as {"normalisation": "imagenet", "sign": "negative"}'
 
 
 @dataclass(frozen=True)
@@ -63,11 +68,7 @@ class NetworkLayout:
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise ModelError(f"{name} {value}", want="a positive number", where=name)
-        for name, kind in get_type_hints(type(self)).items():
-            choices = [c for part in get_args(kind) for c in get_args(part)]
-            value = getattr(self, name)
-            if choices and value is not None and value not in choices:
-                raise ModelError(f"{name} {value!r}", want=" or ".join(choices), where=name)
+        check_choices(self)
 
     @property
     def roles(self) -> tuple[str, ...]:
@@ -77,16 +78,15 @@ class NetworkLayout:
     @property
     def unknown(self) -> tuple[str, ...]:
         """Fields that are not known."""
-        return tuple(field.name for field in fields(self) if getattr(self, field.name) is None)
+        return unknown_fields(self)
 
     def filled(self, other: NetworkLayout) -> NetworkLayout:
         """With what `other` knows where this one does not."""
-        return replace(self, **{name: getattr(other, name) for name in self.unknown})
+        return filled(self, other)
 
     def as_dict(self) -> dict[str, Any]:
         """The known fields, plain JSON values."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {name: value for name, value in values.items() if value is not None}
+        return known_values(self)
 
     @classmethod
     def of_dict(cls, values: dict[str, Any], path: Path) -> Self:
@@ -95,23 +95,11 @@ class NetworkLayout:
         Raises:
             ModelError: a field is unknown, or its value is not legal.
         """
-        names = [field.name for field in fields(cls)]
-        for name, value in values.items():
-            if name not in names:
-                raise ModelError(f"unknown field {name!r}", want=", ".join(names), path=path)
-            kinds = _NUMBERS.get(name, (str,))
-            if type(value) not in kinds:
-                raise ModelError(f"{name} = {value!r}", want=kinds[0].__name__, path=path)
-        try:
-            return cls(**values)
-        except ModelError as error:
-            raise error.located(path) from None
+        return of_values(cls, values, path)
 
     def flags(self) -> str:
         """The command line flags that say the same."""
-        return " ".join(
-            f"--matcher.layout.{name} {value}" for name, value in self.as_dict().items()
-        )
+        return as_flags(self, "--matcher.layout")
 
     def __str__(self) -> str:
         """One line for people; for a layout that is known completely."""
@@ -131,35 +119,14 @@ def layout_beside(model: OnnxModel) -> NetworkLayout:
     Raises:
         ModelError: one of them cannot be read.
     """
-    return _of_sidecar(model.path.with_suffix(".json")).filled(_of_metadata(model))
+    return _of_sidecar(model).filled(of_metadata(NetworkLayout, model))
 
 
-def _of_sidecar(path: Path) -> NetworkLayout:
-    if not path.is_file():
+def _of_sidecar(model: OnnxModel) -> NetworkLayout:
+    found = json_beside(model, _EXAMPLE)
+    if found is None:
         return NetworkLayout()
-    try:
-        with path.open("rb") as file:
-            values = json.loads(file.read(_LARGEST_SIDECAR_BYTES))
-        if not isinstance(values, dict):
-            raise ValueError("no object")
-    except (OSError, ValueError, RecursionError) as error:
-        raise ModelError(
-            f"not a layout: {error}",
-            want='an object such as {"normalisation": "imagenet", "sign": "negative"}',
-            path=path,
-        ) from error
+    path, values = found
+    if not isinstance(values, dict):
+        raise ModelError("not a layout: no object", want=_EXAMPLE, path=path)
     return NetworkLayout.of_dict(values, path)
-
-
-def _of_metadata(model: OnnxModel) -> NetworkLayout:
-    values: dict[str, Any] = {}
-    for key, text in model.metadata.items():
-        if key.startswith(PREFIX):
-            name = key.removeprefix(PREFIX)
-            try:
-                values[name] = json.loads(text) if name in _NUMBERS else text
-            except ValueError as error:
-                raise ModelError(
-                    f"metadata {key} = {text!r}", want="a number", path=model.path
-                ) from error
-    return NetworkLayout.of_dict(values, model.path)

@@ -18,15 +18,16 @@ from dataclasses import dataclass, replace
 from itertools import permutations
 
 from pseudolidar.errors import ModelError
-from pseudolidar.formats.onnx_model import OnnxModel, TensorInfo
-from pseudolidar.stereo.networks.layout import Channels, NetworkLayout
-
-FLOAT_TYPES = ("float32", "float16", "float64")
-IMAGE_TYPES = (*FLOAT_TYPES, "uint8")
-# Channels of an input: both images in colour or grey, one image, a flow.
-_STACKED = {6: "rgb", 2: "grey"}
-_SINGLE = {3: "rgb", 1: "grey"}
-_COLOURS = {**_STACKED, **_SINGLE}
+from pseudolidar.formats.onnx.model import OnnxModel, TensorInfo
+from pseudolidar.formats.onnx.pixels import (
+    COLOURS,
+    SINGLE,
+    STACKED,
+    Channels,
+    channel_count,
+    size_of,
+)
+from pseudolidar.stereo.networks.layout import NetworkLayout
 
 _LEFT = re.compile(r"(^|[^a-z])(left|img_?l|imgl|im_?0|image_?1|img_?1|reference|l)($|[^a-z])")
 _RIGHT = re.compile(r"(^|[^a-z])(right|img_?r|imgr|im_?1|image_?2|img_?2|target|r)($|[^a-z])")
@@ -86,32 +87,6 @@ def family_of(model: OnnxModel) -> Family | None:
     return next((family for family in FAMILIES if family.pattern.search(text)), None)
 
 
-def channel_axis(info: TensorInfo) -> int | None:
-    """Axis 1 or 3 of an image input, None where it is no image."""
-    if info.shape is None or len(info.shape) != 4 or info.dtype not in IMAGE_TYPES:
-        return None
-    return next((axis for axis in (1, 3) if info.shape[axis] in _COLOURS), None)
-
-
-def channel_count(info: TensorInfo) -> int:
-    """Channels of an image input, 0 of anything else."""
-    axis = channel_axis(info)
-    count = None if axis is None or info.shape is None else info.shape[axis]
-    return count if isinstance(count, int) else 0
-
-
-def size_of(info: TensorInfo) -> tuple[int | None, int | None]:
-    """(height, width) of an image input, None where it is free."""
-    axis, shape = channel_axis(info), info.shape
-    if axis is None or shape is None:
-        return None, None
-    height, width = (shape[2], shape[3]) if axis == 1 else (shape[1], shape[2])
-    return (
-        height if isinstance(height, int) else None,
-        width if isinstance(width, int) else None,
-    )
-
-
 def role_candidates(model: OnnxModel) -> list[str]:
     """What the inputs may be given, the likeliest first, as `NetworkLayout.inputs`.
 
@@ -125,13 +100,13 @@ def role_candidates(model: OnnxModel) -> list[str]:
     _check_batch(model, infos)
     choices: list[tuple[str, ...]]
     match counts:
-        case [n] if n in _STACKED:
+        case [n] if n in STACKED:
             choices = [("left+right",), ("right+left",)]
-        case [a, b] if a == b and a in _SINGLE:
+        case [a, b] if a == b and a in SINGLE:
             choices = _by_names(infos, [("left", "right"), ("right", "left")])
         case [a, b, c] if sorted((a, b, c)) in ([2, 3, 3], [1, 3, 3], [1, 1, 2]):
             choices = _with_flow(infos, counts)
-        case [a, b, c, d] if a == b == c == d and a in _SINGLE:
+        case [a, b, c, d] if a == b == c == d and a in SINGLE:
             choices = _with_halves(infos)
         case _:
             raise _no_network(model)
@@ -146,7 +121,7 @@ def colours_of(model: OnnxModel, roles: tuple[str, ...]) -> str:
     """`rgb` where the images have three channels, else `grey`."""
     for info, role in zip(model.inputs, roles, strict=True):
         if "left" in role:
-            return _COLOURS.get(channel_count(info), "rgb")
+            return COLOURS.get(channel_count(info), "rgb")
     return "rgb"
 
 

@@ -14,19 +14,15 @@ from typing import cast, get_args
 import numpy as np
 
 from pseudolidar.errors import ModelError
-from pseudolidar.formats.onnx_model import OnnxModel
+from pseudolidar.formats.onnx.model import OnnxModel
+from pseudolidar.formats.onnx.pixels import Channels, Normalisation, channel_count, size_of
+from pseudolidar.formats.onnx.session import NetworkSession
 from pseudolidar.stereo.networks.feed import tensors
 from pseudolidar.stereo.networks.judge import Finding, best_reading
-from pseudolidar.stereo.networks.layout import Channels, NetworkLayout, Normalisation
-from pseudolidar.stereo.networks.names import (
-    channel_count,
-    colours_of,
-    role_candidates,
-    size_of,
-)
+from pseudolidar.stereo.networks.layout import NetworkLayout
+from pseudolidar.stereo.networks.names import colours_of, role_candidates
 from pseudolidar.stereo.networks.reading import output_maps
 from pseudolidar.stereo.networks.scene import probe_scene
-from pseudolidar.stereo.networks.session import NetworkSession
 
 # Sizes for networks of free size: multiples of 32, 64 and 128; large enough for spatial pyramids
 # of 64 pixels at a quarter of the resolution.

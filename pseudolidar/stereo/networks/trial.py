@@ -1,29 +1,15 @@
-"""The trial of a network file nobody has run yet, in a child process that may not outgrow limits.
-
-A graph can loop for ever or ask for all memory, and onnxruntime has no limit for either. What a
-trial found is kept in the user's cache by the hash of the file.
-"""
+"""The trial of a stereo network nobody has run yet: its layout, found in a child process."""
 
 from __future__ import annotations
 
-import contextlib
-import json
 import os
-import subprocess
-import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from pseudolidar import __version__
-from pseudolidar.errors import ModelError, OutputError, PseudolidarError
-from pseudolidar.formats.atomic import write_atomic
-from pseudolidar.formats.onnx_model import OnnxModel, read_onnx
+from pseudolidar.formats.onnx import trial as onnx_trial
+from pseudolidar.formats.onnx.model import OnnxModel, read_onnx
 from pseudolidar.stereo.networks.layout import NetworkLayout
-
-CACHE_VARIABLE = "PSEUDOLIDAR_CACHE_DIR"
-_SCHEMA = 1
-_MIB = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -66,15 +52,6 @@ class TrialResult:
     cached: bool = False
 
 
-def cache_folder() -> Path:
-    """Where findings are kept: `PSEUDOLIDAR_CACHE_DIR`, or the user's cache."""
-    if given := os.environ.get(CACHE_VARIABLE):
-        return Path(given)
-    if given := os.environ.get("XDG_CACHE_HOME"):
-        return Path(given) / "pseudolidar"
-    return Path.home() / ".cache" / "pseudolidar"
-
-
 def tried(
     model: OnnxModel, request: TrialRequest, *, seconds: float, memory_mb: int
 ) -> TrialResult:
@@ -83,99 +60,28 @@ def tried(
     Raises:
         ModelError: the network cannot be used, or outgrows the limits.
     """
-    digest = model.sha256()
-    place = _cache_place(digest)
-    if place is not None and (known := _cached(place, request)) is not None:
-        return known
-    answer = _ask_child(model, request, seconds=seconds, memory_mb=memory_mb)
-    result = TrialResult(NetworkLayout.of_dict(answer["layout"], model.path), answer["found"])
-    if place is not None:
-        entry = {**_head(request), "sha256": digest, "file": model.path.name, **answer}
-        with contextlib.suppress(OutputError):  # a cache that cannot be written is only slower
-            write_atomic(place, json.dumps(entry, indent=1).encode() + b"\n")
-    return result
+    limits = onnx_trial.TrialLimits(seconds, memory_mb, "--matcher")
+    (layout, found), cached = onnx_trial.tried(__name__, model, request.as_dict(), _read, limits)
+    return TrialResult(layout, found, cached)
 
 
-def _cache_place(digest: str) -> Path | None:
-    with contextlib.suppress(RuntimeError):  # no home folder
-        return cache_folder() / "networks" / f"{digest}.json"
-    return None
+def _read(answer: dict[str, Any], path: Path) -> tuple[NetworkLayout, float | None]:
+    found = answer["found"]
+    layout = NetworkLayout.of_dict(answer["layout"], path)
+    return layout, None if found is None else float(found)
 
 
-def _head(request: TrialRequest) -> dict[str, Any]:
-    import onnxruntime
-
-    return {
-        "schema": _SCHEMA,
-        "pseudolidar": __version__,
-        "onnxruntime": onnxruntime.__version__,
-        "asked": request.as_dict(),
-    }
-
-
-def _cached(place: Path, request: TrialRequest) -> TrialResult | None:
-    """What the cache holds for this request; None where it holds nothing that can be believed."""
-    try:
-        entry = json.loads(place.read_bytes())
-        if {key: entry.get(key) for key in _head(request)} != _head(request):
-            return None
-        found = entry["found"]
-        return TrialResult(
-            NetworkLayout.of_dict(entry["layout"], place),
-            None if found is None else float(found),
-            cached=True,
-        )
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, ModelError):
-        return None
-
-
-def _ask_child(
-    model: OnnxModel, request: TrialRequest, *, seconds: float, memory_mb: int
-) -> dict[str, Any]:
-    question = {**request.as_dict(), "path": str(model.path), "memory_mb": memory_mb}
-    command = [sys.executable, "-m", "pseudolidar.stereo.networks.trial"]
-    try:
-        ended = subprocess.run(
-            command,
-            input=json.dumps(question),
-            capture_output=True,
-            text=True,
-            timeout=seconds,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
-        raise ModelError(
-            f"no answer within {seconds:g} s: {model.signature}",
-            want="a network that answers",
-            fix="It loops for ever, or this processor is slow: raise --matcher.trial-seconds.",
-            path=model.path,
-        ) from None
-    with contextlib.suppress(ValueError, IndexError):
-        answer: dict[str, Any] = json.loads(ended.stdout.splitlines()[-1])
-        if "layout" in answer:
-            return answer
-        raise ModelError(**answer["error"])
-    lines = ended.stderr.strip().splitlines() or [f"it ended with {ended.returncode}"]
-    raise ModelError(
-        f"it kills the process that runs it: {lines[-1][:300]}",
-        want=f"a network that runs in {memory_mb} MiB",
-        fix="If it is only large, raise --matcher.trial-memory-mb.",
-        path=model.path,
-    )
-
-
-def _try(question: dict[str, Any]) -> dict[str, Any]:
+def _try(path: Path, asked: dict[str, Any]) -> dict[str, Any]:
     """In the child: run the network, and find its layout where that is asked."""
+    from pseudolidar.formats.onnx.session import NetworkSession
     from pseudolidar.stereo.networks.probe import find_layout, network_size, try_feed, working_pad
-    from pseudolidar.stereo.networks.session import NetworkSession
 
-    path = Path(question["path"])
-    known = NetworkLayout.of_dict(question["known"], path)
-    expected = NetworkLayout.of_dict(question["expected"], path)
-    iterations = question["iterations"]
+    known = NetworkLayout.of_dict(asked["known"], path)
+    expected = NetworkLayout.of_dict(asked["expected"], path)
+    iterations = asked["iterations"]
     session = NetworkSession(read_onnx(path), threads=os.cpu_count() or 1)
     found: float | None = None
-    if question["probe"]:
+    if asked["probe"]:
         finding = find_layout(session, known, expected, iterations=iterations)
         layout, found = finding.layout, finding.found
     else:
@@ -189,36 +95,9 @@ def _try(question: dict[str, Any]) -> dict[str, Any]:
     return {"layout": layout.as_dict(), "found": found}
 
 
-def _limit_memory(megabytes: int) -> None:
-    if sys.platform != "win32":
-        import resource
-
-        hard = resource.getrlimit(resource.RLIMIT_AS)[1]
-        limit = megabytes * _MIB
-        if hard != resource.RLIM_INFINITY:
-            limit = min(limit, hard)
-        with contextlib.suppress(ValueError, OSError):  # macOS does not know this limit
-            resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
-
-
 def main() -> None:
     """Answer the question on the standard input, with a layout or an error, as JSON."""
-    question = json.loads(sys.stdin.read())
-    _limit_memory(question["memory_mb"])
-    try:
-        answer = _try(question)
-    except MemoryError:
-        answer = {
-            "error": {
-                "got": f"it needs more than {question['memory_mb']} MiB",
-                "fix": "If it is only large, raise --matcher.trial-memory-mb.",
-                "path": question["path"],
-            }
-        }
-    except PseudolidarError as error:
-        fields = ("got", "want", "fix", "path", "where")
-        answer = {"error": {name: getattr(error, name) for name in fields}}
-    sys.stdout.write("\n" + json.dumps(answer) + "\n")
+    onnx_trial.answer_question(_try)
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 from pseudolidar.errors import MissingDependency, ModelError
-from pseudolidar.formats.onnx_model import OnnxModel
+from pseudolidar.formats.onnx.model import OnnxModel
 from pseudolidar.structures.arrays import AnyArray
 
 Provider = Literal["cpu", "cuda", "tensorrt", "openvino", "coreml", "directml", "auto"]
@@ -39,17 +39,25 @@ class NetworkSession:
         model: the file.
         provider: where it runs.
         threads: of one run.
+        flag: of the command line that chose the network.
 
     Raises:
         ModelError: onnxruntime refuses the file.
         MissingDependency: the provider is not there, or does not start.
     """
 
-    def __init__(self, model: OnnxModel, provider: Provider = "cpu", threads: int = 1) -> None:
+    def __init__(
+        self,
+        model: OnnxModel,
+        provider: Provider = "cpu",
+        threads: int = 1,
+        *,
+        flag: str = "--matcher",
+    ) -> None:
         import onnxruntime
 
         self.model = model
-        chosen = _chosen(provider)
+        chosen = _chosen(provider, flag)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
         options.log_severity_level = _QUIET
@@ -67,7 +75,7 @@ class NetworkSession:
             raise MissingDependency(
                 f"{wanted[0]} does not start; onnxruntime would run on {active[0]}",
                 want="its driver and libraries",
-                fix="Install them, or pass --matcher.provider cpu.",
+                fix=f"Install them, or pass {flag}.provider cpu.",
             )
         self.provider = chosen
         self.outputs: list[str] = [output.name for output in self._session.get_outputs()]
@@ -85,7 +93,7 @@ class NetworkSession:
         return found
 
 
-def _chosen(provider: Provider) -> str:
+def _chosen(provider: Provider, flag: str) -> str:
     available = available_providers()
     if provider == "auto":
         return available[0]
@@ -94,7 +102,7 @@ def _chosen(provider: Provider) -> str:
         raise MissingDependency(
             f"the installed onnxruntime has no {name}",
             want=f"one of {', '.join(available)}",
-            fix=f"Install {package} instead of onnxruntime, or pass --matcher.provider cpu.",
+            fix=f"Install {package} instead of onnxruntime, or pass {flag}.provider cpu.",
         )
     return provider
 

@@ -11,7 +11,7 @@ import onnx
 import pytest
 
 from pseudolidar.errors import ModelError
-from pseudolidar.formats.onnx_model import read_onnx
+from pseudolidar.formats.onnx.model import read_onnx
 from tests.stereo import graphs
 
 

@@ -1,0 +1,1 @@
+"""Networks in ONNX files: what they say of themselves, and running them."""
