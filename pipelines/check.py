@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
-from pseudolidar.calibration.check_finding import SUREST, Finding, percent
+from pseudolidar.calibration.check_finding import SUREST, Finding
 from pseudolidar.calibration.check_rotation import turned
 from pseudolidar.calibration.drift_rig import realigned_rig, remounted_rig
-from pseudolidar.errors import ALL_DONE, MapScale, PseudolidarError, SourceEmpty, printable
+from pseudolidar.errors import MapScale, PseudolidarError, SourceEmpty, UsageError
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.geometry.rectification import aligning_rotations
 from pseudolidar.running.crew.crew_plan import CrewPlan
@@ -19,21 +19,23 @@ from pseudolidar.running.field_markers import RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.given import GivenSettings, given_maps
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.preflight import SourceCheck, check_source
+from pseudolidar.running.reports.check_report import BodyCheckReport, CheckReport
 from pseudolidar.running.rig_output import check_rig_place, store_rig
 from pseudolidar.running.scan_numbers import numbered_alone, scan_numbers
-from pseudolidar.running.table import table_text
+from pseudolidar.sources.body import parts_of
 from pseudolidar.sources.kitti.extract import KittiExtract
 from pseudolidar.sources.kitti.scan_times import numbered
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
-from pseudolidar.sources.rectified import Rectify, raw_rig
+from pseudolidar.sources.rectified import Rectify, in_one_view, raw_rig
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, FrameSource, pairs_of
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.given_maps import StoredSteps
+from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.recorded import Frame
 
-MARKS = {"stop": "STOP", "warn": "warn", "note": "note", "good": "ok", "unknown": "?"}
 MAPS, SCANS = "given maps", "scans"
 
 
@@ -49,6 +51,8 @@ class Check:
     All pairs together tell how one eye is turned against what the rig says, with standard
     deviations: the more of them (--frames), the surer. --out writes the rig with that put right.
     The yaw is hardly seen in the rows; `refine` by motion or by scans sees what it does.
+
+    Of several pairs on one body each is looked at by itself.
 
     Where scans have no times (unsynchronised KITTI), those of other numbers are tried, too.
 
@@ -95,17 +99,47 @@ class Check:
     workers: Annotated[int | None, RUN_ONLY] = None
 
 
-def run(job: Check) -> CheckReport:
+def run(job: Check) -> CheckReport | BodyCheckReport:
     """Look at the pairs that are asked for, and at those around them.
 
     Raises:
         NoPairs: the source has none.
         SourceEmpty: not one of the pairs could be read.
-        UsageError: OUT is there already.
+        UsageError: OUT is there already, or it is wanted of several pairs on one body.
     """
     if job.out is not None:
         check_rig_place(job.out, overwrite=job.overwrite)
-    source = opened(job)
+    source = in_one_view(with_rig(job, job.source))
+    if source.yields is BodyFrame:
+        return checked_body(job, source)
+    return checked_pairs(job, pairs_of(select(source, job.frames, job.exclude)))
+
+
+def checked_body(job: Check, body: FrameSequence[Frame]) -> BodyCheckReport:
+    """Look at each pair of a body as at one alone.
+
+    Raises:
+        UsageError: something is asked for that is of one pair.
+    """
+    alone = {"out": job.out, "picture": job.picture}
+    alone |= {"disparity": job.disparity, "depth": job.depth}
+    asked = [f"--{name}" for name, path in alone.items() if path is not None]
+    if asked:
+        raise UsageError(
+            f"{' and '.join(asked)} with several pairs on one body",
+            want="one pair",
+            fix="Give the folder of one pair; it finds its rig in the body's.",
+            path=body.summary.path,
+        )
+    reports = {
+        name: checked_pairs(job, pairs_of(select(part, job.frames, job.exclude)))
+        for name, part in parts_of(body).items()
+    }
+    return BodyCheckReport(body.summary.line, body.summary.path, reports)
+
+
+def checked_pairs(job: Check, source: FrameSource) -> CheckReport:
+    """Look at the pairs of one rig."""
     every = range(len(source.ids)) if job.frames is not None else None
     crew = CrewPlan(job.workers)
     check = check_source(
@@ -128,12 +162,7 @@ def run(job: Check) -> CheckReport:
     return CheckReport(check, told, job.picture, job.out, rig is not None)
 
 
-def opened(job: Check) -> FrameSource:
-    """The pairs that are asked for, with the rig that is asked for."""
-    return pairs_of(select(with_rig(job, job.source), job.frames, job.exclude))
-
-
-def with_rig(job: Check, source: Source) -> FrameSequence[Any]:
+def with_rig(job: Check, source: Source) -> FrameSequence[Frame]:
     """All frames of a source with the rig that is asked for."""
     return opened_with_rig(
         source,
@@ -220,85 +249,3 @@ def draw(path: Path, check: SourceCheck, source: FrameSource) -> None:
     width = max(panel.shape[1] for panel in panels)
     padded = [np.pad(p, ((0, 0), (0, width - p.shape[1]), (0, 0))) for p in panels]
     write_atomic(path, encode_png(np.vstack(padded)))
-
-
-@dataclass(frozen=True, eq=False)
-class CheckReport:
-    """What was found.
-
-    Args:
-        check: of the source.
-        findings: of its pairs together, and of maps.
-        picture: where the matches are drawn, if they are.
-        out: where a mended rig was wanted, if it was.
-        mended: whether there was anything to be put right in it.
-    """
-
-    check: SourceCheck
-    findings: tuple[Finding, ...]
-    picture: Path | None
-    out: Path | None = None
-    mended: bool = False
-
-    @property
-    def exit_code(self) -> int:
-        """3 where something would stop a run, else 0."""
-        stops = any(finding.severity == "stop" for finding in self.findings)
-        return PseudolidarError.exit_code if stops else ALL_DONE
-
-    def as_dict(self) -> dict[str, Any]:
-        """Findings of all pairs together, and of each."""
-        return {
-            "source": self.check.source,
-            "path": self.check.path,
-            "stops": self.exit_code != ALL_DONE,
-            "findings": [finding.as_dict() for finding in self.findings],
-            "pairs": [
-                {"id": pair.id, "findings": [finding.as_dict() for finding in pair.findings]}
-                for pair in self.check.pairs
-            ],
-            "unreadable": [
-                {"id": frame.id, "reason": str(frame.error)} for frame in self.check.failed
-            ],
-            "picture": None if self.picture is None else str(self.picture),
-            "out": str(self.out) if self.mended else None,
-        }
-
-    def text(self) -> str:
-        """A table of the findings, and what to do."""
-        pairs = ", ".join(pair.id for pair in self.check.pairs)
-        lines = [self.check.source, f"pairs looked at: {pairs}" if pairs else "no pair fits"]
-        rows = [
-            (MARKS[f.severity], f.name, f.text, "" if f.sure is None else percent(f.sure))
-            for f in self.findings
-        ]
-        lines.append(table_text(rows, header=("", "what", "seen", "sure")))
-        lines += [f"{frame.id} cannot be read: {frame.error}" for frame in self.check.failed]
-        mends = {f.name: f.mend for f in self.findings if f.mend}
-        if mends:
-            lines.append(f"What to do:\n{table_text(list(mends.items()))}")
-        lines.append(self._verdict())
-        if self.out is not None:
-            lines.append(
-                f"  {self.out}: pass it to other commands with --rig"
-                if self.mended
-                else "  no eye is turned: no rig is written"
-            )
-        if self.picture is not None:
-            lines.append(f"  {self.picture}")
-        return "\n".join(printable_lines(lines))
-
-    def _verdict(self) -> str:
-        by = {s: [f.name for f in self.findings if f.severity == s] for s in MARKS}
-        if by["stop"]:
-            return f"A run would stop: {', '.join(by['stop'])}."
-        if by["warn"]:
-            return f"A run would warn: {', '.join(by['warn'])}."
-        if any(f.severity == "good" and f.name == "rows" for f in self.findings):
-            return "Pairs and calibration fit together."
-        return "Nothing is wrong that could be seen; the pairs do not show whether rows correspond."
-
-
-def printable_lines(lines: list[str]) -> list[str]:
-    """Lines without what a terminal would act on; names of files may hold anything."""
-    return [printable(part) for line in lines for part in line.splitlines()]

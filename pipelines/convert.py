@@ -401,6 +401,7 @@ def opened(job: Convert) -> FrameSequence[Frame]:
         rectify=job.rectify,
     )
     source = select(every, job.frames, job.exclude)
+    job.to.check_possible(source)
     tell(source)
     if job.guide is not None and (scans := possible(source, job.scans)):
         _log.info("guide: %s", scans.note)

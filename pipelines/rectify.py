@@ -37,8 +37,9 @@ from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.rectified import Rectify, in_one_view, raw_rig
 from pseudolidar.sources.selection import FrameSelection, select
-from pseudolidar.sources.source import FrameSequence, evenly_loaded, tell
+from pseudolidar.sources.source import FrameSequence, evenly_loaded, pairs_of, tell
 from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.image_size import ImageSize
 from pseudolidar.structures.recorded import Frame
@@ -196,6 +197,7 @@ def opened(job: RectifyPairs, rig: Path | None) -> FrameSequence[Frame]:
 
     Raises:
         UsageError: they are rectified already.
+        NoPairs: they are of several rigs on one body.
     """
     every = opened_with_rig(
         job.source,
@@ -206,6 +208,8 @@ def opened(job: RectifyPairs, rig: Path | None) -> FrameSequence[Frame]:
         rectify=job.rectify,
     )
     if raw_rig(every) is None:
+        if every.yields is BodyFrame:
+            pairs_of(every)  # says that one pair is taken at a time
         raise UsageError(
             "pairs that are rectified already, or no pairs",
             want="pictures as cameras take them, and the calibration of these cameras",

@@ -32,6 +32,7 @@ from pseudolidar.sources.rectified import Rectify
 from pseudolidar.sources.source import SourceSummary, evenly_placed, pairs_of
 from pseudolidar.sources.video.videos import Video
 from pseudolidar.structures.arrays import Image
+from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import RawPair
 
@@ -198,6 +199,8 @@ def pictures_of(source: Source) -> PicturesOfEyes:
             return pair.left, pair.right
 
         return PicturesOfEyes(opened.summary, opened.ids, read)
+    if opened.yields is BodyFrame:
+        pairs_of(opened)  # says that one pair is taken at a time
     raise UsageError(
         f"a source that is no pair of bare cameras: {opened.summary.line}",
         want="pictures or videos of two eyes as cameras take them",

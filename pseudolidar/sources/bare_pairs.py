@@ -6,15 +6,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from pseudolidar.errors import PseudolidarError
+from pseudolidar.errors import NoPairs, PseudolidarError
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.pictures.image import read_image
 from pseudolidar.sources.asked_layout import TOLERANCE_S, asked_layout
+from pseudolidar.sources.body import Body
 from pseudolidar.sources.folder_layout import find_layout
 from pseudolidar.sources.names import safe_id
 from pseudolidar.sources.selection import FrameSelection, chosen_positions
-from pseudolidar.sources.source import SourceSummary
+from pseudolidar.sources.source import KIND_NAMES, NO_PAIRS_FIXES, SourceSummary
 from pseudolidar.structures.arrays import Image
+from pseudolidar.structures.body import BodyFrame
+from pseudolidar.structures.frame import RawPair
 
 ReadPair = Callable[[int], tuple[Image, Image]]
 
@@ -114,7 +117,9 @@ class Pictures:
             SourceUnknown: no such folder.
             SourceEmpty: no pairs in it.
             UsageError: one pattern without the other.
+            NoPairs: it holds several pairs on one body.
         """
+        check_one_pair(Path(self.path))
         layout = asked_layout(
             self.path,
             self.right,
@@ -141,3 +146,18 @@ class Pictures:
     def looks_like(cls, path: Path) -> bool:
         """Whether `path` holds pairs of pictures."""
         return path.is_dir() and find_layout(path, tolerance_s=TOLERANCE_S) is not None
+
+
+def check_one_pair(folder: Path) -> None:
+    """Refuse the folder of a body, of which each pair is in a folder of its own.
+
+    Raises:
+        NoPairs: it is one.
+    """
+    if Body.looks_like(folder):
+        raise NoPairs(
+            "a folder of several pairs on one body",
+            want=KIND_NAMES[RawPair],
+            fix=NO_PAIRS_FIXES[BodyFrame],
+            path=folder,
+        )

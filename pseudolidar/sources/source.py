@@ -28,7 +28,8 @@ KIND_NAMES: dict[type[HeldFrame], str] = {
 }
 NO_PAIRS_FIXES: dict[type[HeldFrame], str] = {
     RawPair: "Rectify them first: `pseudolidar rectify SOURCE OUT --rig rig.json`.",
-    BodyFrame: "This needs the pictures of one pair: its folder; or leave --rectify.views out.",
+    BodyFrame: "This takes one pair at a time: give its folder, which finds its rig in the body's; "
+    "of wide lenses leave --rectify.views out.",
 }
 
 
@@ -147,7 +148,7 @@ def pairs_of(source: FrameSequence[HeldFrame]) -> FrameSource:
     """
     if source.yields is not StereoFrame:
         raise NoPairs(
-            f"a source of {KIND_NAMES[source.yields]}",
+            f"a source of {KIND_NAMES[source.yields]}: {source.summary.line}",
             want=KIND_NAMES[StereoFrame],
             fix=NO_PAIRS_FIXES.get(source.yields, "This needs pictures of two eyes."),
             path=source.summary.path,

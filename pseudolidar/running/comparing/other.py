@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
-from pseudolidar.errors import SourceUnknown
+from pseudolidar.errors import NoPairs, SourceUnknown
 from pseudolidar.evaluation.map_files import is_maps
 from pseudolidar.running.comparing.partners import partners_of
 from pseudolidar.running.comparing.references import OtherMaps, OtherSource, Reference
@@ -14,6 +14,7 @@ from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.source import FrameSequence, clouds_of
 from pseudolidar.stereo.given_maps import GivenMaps, StoredSteps
 from pseudolidar.stereo.matcher import StereoMatcher
+from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import Frame
 
@@ -33,6 +34,7 @@ def other_reference(
     Raises:
         SourceUnknown: it is neither.
         SourceEmpty: none of its frames belongs to one of ours.
+        NoPairs: it has pairs of several rigs.
     """
     try:
         settings = recognise(text)
@@ -43,7 +45,16 @@ def other_reference(
         maps = GivenMaps.of(Path(text), source.ids, kind="disparity", stored=steps)
         _log.info("reference: disparity maps of %s", text)
         return OtherMaps(maps, frozenset(maps.files))
-    return _paired(source, opened_with_rig(settings, None), matcher)
+    other = opened_with_rig(settings, None)
+    if other.yields is BodyFrame:
+        raise NoPairs(
+            f"a reference of several pairs: {other.summary.line}",
+            want="pairs of one rig, clouds, or depths",
+            fix="Make clouds of it first, `pseudolidar convert BODY OUT --to mcap`, and compare "
+            "with the recording in OUT; or give the folder of one pair.",
+            path=text,
+        )
+    return _paired(source, other, matcher)
 
 
 def other_scans(text: str, source: FrameSequence[StereoFrame]) -> OtherSource:

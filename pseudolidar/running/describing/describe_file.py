@@ -25,6 +25,7 @@ from pseudolidar.formats.oxts import read_oxts
 from pseudolidar.formats.pictures.image import read_header
 from pseudolidar.formats.pictures.image_kinds import EXTENSIONS, SNIFFED_BYTES, content_kind
 from pseudolidar.formats.points.npz import npz_arrays
+from pseudolidar.formats.rigs.body_json import MARK, has_pairs, read_body
 from pseudolidar.formats.rigs.key_values import read_key_values
 from pseudolidar.formats.rigs.rig_file import read_any_rig
 from pseudolidar.formats.text import NUMBER, read_lines
@@ -35,6 +36,7 @@ from pseudolidar.running.describing.column_figures import ColumnFigures
 from pseudolidar.running.describing.describe_source import rig_facts, time_facts
 from pseudolidar.running.describing.description import lines_before
 from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.body import MountedPair
 from pseudolidar.structures.pose import Pose, rotation_error
 
 Found = tuple[str, dict[str, Any], tuple[str, ...]]
@@ -106,7 +108,42 @@ def _map(path: Path) -> Found:
     return f"a map of disparities or depths, {width}x{height} px", facts, ()
 
 
+def _body(path: Path) -> Found:
+    """Every pair of a body: its rig, and where it stands."""
+    body = read_body(path)
+    rigs = [
+        {"name": pair.name}
+        | rig_facts(pair.rig)
+        | {"T_base_link_left": pair.T_base_link_left.matrix.tolist()}
+        for pair in body.pairs
+    ]
+    form = f"a rig file of {len(rigs)} stereo pairs on one body ({', '.join(body.names)})"
+    notes = (f"of one alone: {path}{MARK}{body.names[0]}",)
+    facts = {"origin": body.origin, "entries": [_mount(pair) for pair in body.pairs], "pairs": rigs}
+    return form, facts, notes
+
+
+def _mount(pair: MountedPair) -> dict[str, Any]:
+    """One line: what its left camera is, where it stands, and which way it looks."""
+    forward, left, up = pair.T_base_link_left.translation_m
+    ahead = pair.T_base_link_left.matrix[:3, 2]
+    return {
+        "pair": pair.name,
+        "width_px": pair.rig.left.width_px,
+        "height_px": pair.rig.left.height_px,
+        "f_px": pair.rig.left.focal_px,
+        "baseline_m": pair.rig.baseline_m,
+        "forward_m": float(forward),
+        "left_m": float(left),
+        "up_m": float(up),
+        "looks_left_deg": float(np.degrees(np.arctan2(ahead[1], ahead[0]))),
+        "looks_up_deg": float(np.degrees(np.arcsin(np.clip(ahead[2], -1, 1)))),
+    }
+
+
 def _rig(path: Path) -> Found:
+    if has_pairs(path):
+        return _body(path)
     notes: tuple[str, ...] = ()
     try:
         reading = read_any_rig(path)

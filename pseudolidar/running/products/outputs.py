@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
-from pseudolidar.errors import UsageError
+from pseudolidar.errors import NoPairs, UsageError
+from pseudolidar.sources.source import FrameSequence
+from pseudolidar.structures.body import BodyFrame
+from pseudolidar.structures.recorded import Frame
 
 MCAP = "mcap"
 KINDS = ("pcd", "pcd:compressed", "pcd:ascii", "ply", "ply:ascii", "bin", "npz")
@@ -47,6 +50,22 @@ class Outputs:
 
     def __str__(self) -> str:
         return ",".join(self.kinds)
+
+    def check_possible(self, source: FrameSequence[Frame]) -> None:
+        """Refuse, before anything is matched, what several pairs of a frame are not one of.
+
+        Raises:
+            NoPairs: a map or a layout of pictures of a body, or of several views.
+        """
+        asked = [kind for kind in self.kinds if kind in (*MAPS, *TREES)]
+        if asked and source.yields is BodyFrame:
+            raise NoPairs(
+                f"frames of several pairs: {source.summary.line}",
+                want=f"one pair a frame for --to {','.join(asked)}",
+                fix=f"Leave {' and '.join(asked)} out of --to; or convert the folder of one pair, "
+                "or one view (--rectify.views 1).",
+                path=source.summary.path,
+            )
 
     @property
     def recording(self) -> bool:
