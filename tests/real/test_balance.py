@@ -65,3 +65,16 @@ def test_what_one_eye_is_too_bright_for_misleads_less(real_data):
     )
     assert with_balance.density > without.density + 0.01
     assert with_balance.d1_filled < without.d1_filled
+
+
+@pytest.mark.parametrize("name", ["red 1.4, blue 0.71", "red 0.71, blue 1.4"])
+def test_a_colour_cast_does_not_take_texture_from_census(real_data, name):
+    """A street so bright that 13 % of its pixels are clipped in every channel."""
+    source = KittiStereo(str(real_data / "kitti_stereo2015" / "training")).open()
+    frame = source.load(source.ids.index("000058_10"))
+    cast = replace(frame, right=exposed(frame.right, **CASES[name]))
+    assert balanced(Census(), "auto").balanced(cast) is cast
+    without, with_balance = (
+        score(balanced(Sgbm(), when), [frame], **CASES[name]) for when in ("never", "auto")
+    )
+    assert with_balance.d1_filled < without.d1_filled + 0.002

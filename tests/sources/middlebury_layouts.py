@@ -30,6 +30,30 @@ def motorcycle(data: Path, folder: Path) -> Path:
     return folder
 
 
+# Rows of its halves; both have the principal point (row 254.9), as a camera must. The upper one has
+# no truth in the two rows that they share.
+HALVES = {"upper": (0, 256), "lower": (254, 500)}
+
+
+def motorcycle_half(data: Path, folder: Path, half: str) -> Path:
+    """Its `upper` or `lower` half, as a scene of its own: rows cut off leave stereo as it is."""
+    source = (data / "middlebury" / "motorcycle").resolve()
+    with np.load(source / "motorcycle_disp.npz") as arrays:
+        values = arrays[arrays.files[0]].astype(np.float32)
+    values = np.where(np.isfinite(values), values, np.float32(np.nan))
+    begin, end = HALVES[half]
+    if half == "upper":
+        values[HALVES["lower"][0] :] = np.nan
+    folder.mkdir(parents=True)
+    for eye, name in (("left", "im0.png"), ("right", "im1.png")):
+        picture = cv2.imread(str(source / f"motorcycle_{eye}.png"), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(folder / name), picture[begin:end])
+    calib = MOTORCYCLE_CALIB.replace("254.877", f"{254.877 - begin:.3f}")
+    (folder / "calib.txt").write_text(calib.replace("height=500", f"height={end - begin}"))
+    write_pfm(folder / "disp0.pfm", DisparityMap(values[begin:end]))
+    return folder
+
+
 def steps(width: int, height: int, stored: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
     """(H, W) texture and stored disparities in as many bands from the top as there are values."""
     rng = np.random.default_rng(4)

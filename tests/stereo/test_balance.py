@@ -100,6 +100,20 @@ def test_what_one_eye_is_too_bright_for_has_no_texture_in_both():
     assert balanced(Census(), "auto").balanced(other).right.max() < 200
 
 
+def test_where_one_channel_is_clipped_the_others_still_tell():
+    rng = np.random.default_rng(6)
+    image = rng.integers(20, 200, (90, 120, 3), np.uint8)
+    image[:30, :, 2] = 255
+    assert clipped_share(image) == 0.0
+    image[:30] = 255
+    assert clipped_share(image) == pytest.approx(1 / 3, abs=0.01)
+    tinted = np.rint(image * [0.7, 1.0, 1.0]).astype(np.uint8)  # clipped first, balanced then
+    assert clipped_share(tinted) == pytest.approx(1 / 3, abs=0.01)
+    image[:30, :, 0] = rng.integers(20, 200, (30, 120))
+    assert clipped_share(image) < 0.01
+    assert clipped_share(np.full((90, 120), 90, np.uint8)) == 0.0
+
+
 def test_eyes_that_are_alike_stay_as_they_are(pair):
     matcher = balanced(Bm(), "auto", min_depth_m=1.0)
     assert isinstance(matcher, BalancedMatcher)
