@@ -30,6 +30,8 @@ class Sight:
             was found.
         is_ground: (H, W) pixels that lie on it.
         labels: labelled objects of the frame, or None where the source has none.
+        shared_px: the part of the disparities' error that all pixels of a thing share: what the
+            calibration of the rig leaves.
 
     Raises:
         StructureError: maps of another size than the picture, a plane in another frame.
@@ -44,6 +46,7 @@ class Sight:
     ground: Plane | None = None
     is_ground: Bool | None = None
     labels: tuple[Label, ...] | None = None
+    shared_px: float = 0.0
 
     def __post_init__(self) -> None:
         size = self.image.shape[:2]
@@ -68,3 +71,10 @@ class Sight:
         across = ((np.arange(width) - cx) / fx).astype(np.float32)
         down = ((np.arange(height) - cy) / fy).astype(np.float32)
         return np.stack([z * across, z * down[:, None], z], axis=2)
+
+    @property
+    def shared_per_depth_squared(self) -> float:
+        """The shared error of depths over their square, 1/m: 0 where there is one camera."""
+        if self.baseline_m is None:
+            return 0.0
+        return self.shared_px / (self.camera.focal_px * self.baseline_m)

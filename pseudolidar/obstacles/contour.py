@@ -1,0 +1,76 @@
+"""The near side of an object as seen from above: a depth for each direction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pseudolidar.obstacles.frustum import Frustum
+from pseudolidar.structures.arrays import Float64
+
+# Heights above the ground at which most things have upright sides: bumpers and doors, legs and
+# walls; roofs and windscreens lean.
+UPRIGHT_M = (0.25, 1.3)
+# The band is used where so much of the object is in it.
+LEAST_IN_BAND, LEAST_PIXELS = 0.1, 10
+# Directions that are told apart, and pixels of each.
+MOST_BEARINGS, LEAST_PER_BEARING = 48, 2
+# Bumpers, mirrors and arms stand out of sides: the side of a box is where this share of the points
+# of a direction is nearer.
+FRONT = 0.2
+# Pixels of a square with this side are matched by much the same windows and share their errors.
+PATCH_PX = 9.0
+# Faces of a box around a thing lie so far before its surface, which is round at corners and bumpers:
+# that of 22 objects of KITTI to 30 m, by the LiDAR (median), m.
+SET_BACK_M = 0.1
+# Unevenness of surfaces that boxes stand for, m.
+ROUGHNESS_M = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Contour:
+    """Depths of the upright part of an object by direction, from above.
+
+    Args:
+        bearing: (B,) x / z of each direction.
+        depth_m: (B,) Z of the side of a box there.
+        sigma_m: (B,) one standard deviation of that against a flat side.
+        independent: how many measurements they are worth: neighbours share their errors.
+    """
+
+    bearing: Float64
+    depth_m: Float64
+    sigma_m: Float64
+    independent: float
+
+    def __len__(self) -> int:
+        return len(self.bearing)
+
+
+def upright_part(pixels: Frustum) -> Frustum:
+    """Those at heights where sides are upright, if there are enough; else all."""
+    low, high = UPRIGHT_M
+    inside = (pixels.height_m > low) & (pixels.height_m < high)
+    enough = max(LEAST_PIXELS, LEAST_IN_BAND * len(pixels))
+    return pixels[inside] if np.count_nonzero(inside) >= enough else pixels
+
+
+def contour_of(pixels: Frustum, bearing: Float64) -> Contour:
+    """The near side of an object.
+
+    Args:
+        pixels: N of it, N > 0.
+        bearing: (N,) x / z of each.
+    """
+    low, high = float(bearing.min()), float(bearing.max())
+    count = int(np.clip(len(np.unique(bearing)), 1, MOST_BEARINGS))
+    bins = np.minimum(((bearing - low) / max(high - low, 1e-9) * count).astype(int), count - 1)
+    order = np.lexsort((pixels.depth_m, bins))
+    starts = np.searchsorted(bins[order], np.arange(count + 1))
+    sizes = np.diff(starts)
+    kept = np.flatnonzero(sizes >= min(LEAST_PER_BEARING, int(sizes.max())))
+    front = order[starts[kept] + (FRONT * sizes[kept]).astype(int)]
+    sigma = np.hypot(pixels.sigma_m[front], ROUGHNESS_M)
+    independent = float(np.clip(len(pixels) / PATCH_PX**2, 1.0, len(front)))
+    return Contour(bearing[front], pixels.depth_m[front] - SET_BACK_M, sigma, independent)

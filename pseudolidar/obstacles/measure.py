@@ -1,0 +1,188 @@
+"""Detections to obstacles: how far, how big, how turned, each with its error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pseudolidar.geometry.box_in_view import nearest_depth_m
+from pseudolidar.obstacles.class_sizes import size_of_class
+from pseudolidar.obstacles.contour import contour_of, upright_part
+from pseudolidar.obstacles.footprint import Edges, Footprint, fitted
+from pseudolidar.obstacles.frustum import Frustum
+from pseudolidar.obstacles.height import Span, upright_span
+from pseudolidar.obstacles.level import level_axes, turned
+from pseudolidar.obstacles.plausible import BORDER_PX, EDGE_PX, by_footing, by_size, is_cut
+from pseudolidar.obstacles.separate import Owned, separated
+from pseudolidar.obstacles.sight import Sight
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.box import Box3D, Detection
+from pseudolidar.structures.camera import LEFT_FRAME
+from pseudolidar.structures.obstacle import Obstacle
+from pseudolidar.structures.pose import Pose
+
+# What counts as the face of a thing: bumpers, mirrors, arms; m.
+FACE_M = 0.15
+# Something nearer fills this share of the box of what is occluded.
+OCCLUDED_SHARE = 0.1
+# Pixels well inside of the box are used alone where there are so many.
+LEAST_INNER = 30
+# Share of a box that has points where everything is seen well; confidence of mere sizes.
+WELL_FILLED, BY_SIZE_CONFIDENCE = 0.3, 0.1
+
+
+def measured(sight: Sight, detections: Sequence[Detection]) -> tuple[Obstacle, ...]:
+    """An obstacle for each detection, in their order: none is without a distance.
+
+    The pixels of each are separated from ground, background, and from one another; an oriented
+    rectangle with the usual size of its class is fitted to their near side as seen from above.
+    Where an object has no pixels of its own, its distance is that of its size and footing.
+    """
+    R = level_axes(sight)
+    return tuple(
+        _obstacle(sight, detection, owned, R)
+        for detection, owned in zip(detections, separated(sight, detections), strict=True)
+    )
+
+
+def _obstacle(sight: Sight, detection: Detection, owned: Owned, R: Float64) -> Obstacle:
+    truncated, occluded = is_cut(sight, detection), owned.hidden > OCCLUDED_SHARE
+    if not len(owned.pixels):
+        guess = _by_size(sight, detection, R)
+        return replace(guess, truncated=truncated, occluded=occluded)
+    pixels = _surest(owned.pixels)
+    footprint = _footprint(sight, detection, pixels, R)
+    span = upright_span(sight, detection, pixels, footprint.nearest_m)
+    box = _box(footprint, span, R, _shared_m(sight, footprint.nearest_m))
+    distance_m, sigma_m = _distance(sight, box, footprint)
+    filled = min(1.0, float(owned.pixels.weight.sum()) / (WELL_FILLED * owned.pixels.area))
+    confidence = detection.score * filled * float(np.exp(0.5 * owned.log_plausible))
+    return Obstacle(
+        detection=detection,
+        distance_m=distance_m,
+        sigma_distance_m=sigma_m,
+        box=box,
+        sigma_heading_rad=_sigma_heading(footprint),
+        confidence=float(np.clip(confidence, 0.0, 1.0)),
+        truncated=truncated,
+        occluded=occluded,
+        pixels=owned.pixels.pixels,
+    )
+
+
+def _surest(pixels: Frustum) -> Frustum:
+    inner = pixels.weight >= 1.0
+    return pixels[inner] if np.count_nonzero(inner) >= LEAST_INNER else pixels
+
+
+def _footprint(sight: Sight, detection: Detection, pixels: Frustum, R: Float64) -> Footprint:
+    upright = upright_part(pixels)
+    xyz = turned(R, sight.xyz.reshape(-1, 3)[upright.pixels])
+    level = replace(
+        upright,
+        depth_m=xyz[:, 2],
+        sigma_m=_own_sigma(sight, upright) * xyz[:, 2] / upright.depth_m,
+    )
+    contour = contour_of(level, xyz[:, 0] / xyz[:, 2])
+    near_m = float(np.quantile(contour.depth_m, 0.1))
+    size = size_of_class(detection.name)
+    return fitted(contour, _edges(sight, detection, xyz, R), size, near_m)
+
+
+def _own_sigma(sight: Sight, pixels: Frustum) -> Float64:
+    """(N,) sigma without what all pixels share, m; never less than a tenth."""
+    shared = sight.shared_per_depth_squared * pixels.depth_m**2
+    own = pixels.sigma_m**2 - shared**2
+    return np.asarray(np.sqrt(np.maximum(own, 0.01 * pixels.sigma_m**2)))
+
+
+def _edges(sight: Sight, detection: Detection, xyz: Float64, R: Float64) -> Edges:
+    """Bearings of the left and right edge of the box, at the height of the points."""
+    left, _, right, _ = detection.box_px
+    K, width = sight.camera.K, sight.camera.width_px
+    middle = R.T @ np.median(xyz, axis=0)
+    row = middle[1] / middle[2]
+
+    def bearing(u: float) -> float:
+        x, _, z = R @ np.array([(u - K[0, 2]) / K[0, 0], row, 1.0])
+        return float(x / max(z, 1e-3))
+
+    return Edges(
+        None if left <= BORDER_PX else bearing(left),
+        None if right >= width - 1 - BORDER_PX else bearing(right),
+        EDGE_PX / float(K[0, 0]),
+    )
+
+
+def _box(footprint: Footprint, span: Span, R: Float64, shared_m: float) -> Box3D:
+    """The rectangle between the span's heights, in `camera_left`."""
+    x, z, heading, length, width = footprint.values
+    forward = np.array([np.sin(heading), 0.0, np.cos(heading)])
+    up = np.array([0.0, -1.0, 0.0])
+    axes = np.stack([forward, np.cross(up, forward), up], axis=1)
+    centre = np.array([x, -0.5 * (span.low_m + span.high_m), z])
+    pose = Pose.from_rotation(LEFT_FRAME, "box", R.T @ axes, R.T @ centre)
+    return Box3D(
+        pose, float(length), float(width), span.height_m, _box_sigma(footprint, span, shared_m)
+    )
+
+
+def _box_sigma(footprint: Footprint, span: Span, shared_m: float) -> Float64:
+    """(6,) of the centre along the box's axes and of length, width, height, m."""
+    x, z, heading = footprint.values[:3]
+    ray = np.array([x, z]) / np.hypot(x, z)
+    covariance = footprint.covariance[:2, :2] + shared_m**2 * np.outer(ray, ray)
+    along = np.array([np.sin(heading), np.cos(heading)])
+    across = np.array([np.cos(heading), -np.sin(heading)])
+    of_size = np.sqrt(np.diag(footprint.covariance)[3:])
+    centre = [np.sqrt(a @ covariance @ a) for a in (along, across)]
+    return np.array([*centre, span.sigma_middle_m, *of_size, span.sigma_height_m])
+
+
+def _distance(sight: Sight, box: Box3D, footprint: Footprint) -> tuple[float, float]:
+    distance_m = nearest_depth_m(box, sight.camera) or footprint.nearest_m
+    shared_m = _shared_m(sight, distance_m)
+    sigma_m = float(np.sqrt(footprint.sigma_nearest_m**2 + shared_m**2 + FACE_M**2))
+    return distance_m, sigma_m
+
+
+def _shared_m(sight: Sight, depth_m: float) -> float:
+    return sight.shared_per_depth_squared * depth_m**2
+
+
+def _sigma_heading(footprint: Footprint) -> float:
+    """As the fit says, and at most that of any heading."""
+    return float(min(np.sqrt(footprint.covariance[2, 2]), np.pi / np.sqrt(12)))
+
+
+def _by_size(sight: Sight, detection: Detection, R: Float64) -> Obstacle:
+    """Where its size and its footing put it: for what has no points of its own."""
+    size = size_of_class(detection.name)
+    guesses = [by_size(sight, detection)]
+    footing = by_footing(sight, detection)
+    if size.stands and footing is not None:
+        guesses.append(footing)
+    weights = np.array([guess.sigma_m**-2 for guess in guesses])
+    distance_m = float(weights @ [guess.depth_m for guess in guesses] / weights.sum())
+    sigma_m = float(weights.sum() ** -0.5)
+    left, top, right, bottom = detection.box_px
+    K = sight.camera.K
+    middle = np.array(
+        [(0.5 * (left + right) - K[0, 2]) / K[0, 0], (0.5 * (top + bottom) - K[1, 2]) / K[1, 1], 1]
+    )
+    centre = middle * (distance_m + 0.5 * size.length_m[0])
+    axes = R.T @ np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+    sigma = np.array([sigma_m, *[sigma_m * EDGE_PX / K[0, 0] + FACE_M] * 2, *size.sigma_m])
+    pose = Pose.from_rotation(LEFT_FRAME, "box", axes, centre)
+    length_m, width_m, height_m = (float(m) for m in size.mean_m)
+    return Obstacle(
+        detection,
+        distance_m,
+        sigma_m,
+        Box3D(pose, length_m, width_m, height_m, sigma),
+        sigma_heading_rad=float(np.pi / np.sqrt(12)),
+        measured_by="size",
+        confidence=BY_SIZE_CONFIDENCE * detection.score,
+    )
