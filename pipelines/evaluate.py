@@ -1,4 +1,4 @@
-"""Judge disparities against ground truth, and clouds against a LiDAR, by the usual measures."""
+"""Judge disparities by ground truth, clouds by a LiDAR, obstacles by labels: the usual measures."""
 
 from __future__ import annotations
 
@@ -10,13 +10,16 @@ from typing import Annotated, Literal
 import numpy as np
 
 from pseudolidar.calibration.refine import fit
+from pseudolidar.clouds.ground_fit import GroundFit
 from pseudolidar.errors import ReferenceMissing, SourceUnknown, UsageError
 from pseudolidar.evaluation.comparison.bins import DEFAULT_BINS, DepthBins
 from pseudolidar.evaluation.disparity import DisparityErrors, DisparityScore, disparity_errors
 from pseudolidar.evaluation.disparity_report import DisparityReport
 from pseudolidar.evaluation.halves import FrameSamples, judge_halves, residuals
 from pseudolidar.evaluation.map_files import is_maps, paired_maps, read_map
+from pseudolidar.evaluation.obstacles_report import ObstaclesReport
 from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.obstacles.labels import Labels
 from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.comparing.cloud_of_pair import CompareCloudOfPair
 from pseudolidar.running.comparing.clouds import OWN_SCANS, other_clouds
@@ -28,10 +31,12 @@ from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, Recognised
 from pseudolidar.running.matching import MatchFrame, Refining, steps_in_words
 from pseudolidar.running.nearness import Searching
+from pseudolidar.running.obstacle_judging import judge_obstacles
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.reports.clouds_report import CloudsReport
 from pseudolidar.running.settings_schema import described
+from pseudolidar.running.sighting import SightFrame
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
@@ -88,7 +93,7 @@ def recognise_judged(text: str) -> Source | Maps:
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Judge disparities against ground truth, or clouds against a LiDAR or other clouds.
+    """Judge disparities by ground truth, clouds by a LiDAR or other clouds, obstacles by labels.
 
     Of disparities D1, density and mean error are those as they come, on the stock rig. Correction
     and sigma are fitted on even frames and judged on odd ones, and the other way round.
@@ -98,10 +103,14 @@ class Evaluate:
     sensors see. Pairs become clouds as `convert` makes them, and are compared with their scans, or
     with the clouds of `--reference`.
 
+    Of obstacles: how far their nearest face is off, by range, how many of these errors lie within
+    one sigma, their sizes, and how many of the labelled objects are found.
+
         pseudolidar evaluate disparity training --matcher census --json
         pseudolidar evaluate disparity EST --reference GT
         pseudolidar evaluate cloud 2011_09_26_drive_0002_sync
         pseudolidar evaluate cloud out/ply --reference drive.mcap --bins 0,20,40 --json
+        pseudolidar evaluate obstacles training --rig rig.json --detector labels
 
     Args:
         what: what is judged.
@@ -116,14 +125,15 @@ class Evaluate:
         fill: how holes between matched pixels are filled.
         clean: what is removed of the disparities before they become clouds.
         reproject: which pixels become points of the clouds.
+        detector: what says where objects are.
         reference: the truth for disparity maps, a file or a folder with the same names; the clouds
             to compare clouds with, where the source's own scans are not meant.
         bins: edges of the ranges that clouds are judged by, whole metres.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         exclude: not these.
         rig: calibration that replaces the source's cameras: a rig.json, OpenCV YAML, XML or JSON,
-            ROS camera_info, K.txt, calib.txt; a file, a folder, or LEFT,RIGHT. A disparity
-            correction in it is not used, as one is fitted here.
+            ROS camera_info, K.txt, calib.txt; a file, a folder, or LEFT,RIGHT. To judge
+            disparities a correction in it is not used, as one is fitted here.
         rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
         rectify: how unrectified pairs are rectified, as they load.
         scale_calibration: scale the calibration where images have another size.
@@ -138,7 +148,7 @@ class Evaluate:
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
     """
 
-    what: Annotated[Literal["disparity", "cloud"], POSITIONAL]
+    what: Annotated[Literal["disparity", "cloud", "obstacles"], POSITIONAL]
     source: Annotated[Source | Maps, Recognised(recognise_judged)]
     matcher: Census | Sgbm | Bm | Onnx = Census()
     balance: BalanceWhen = "auto"
@@ -147,6 +157,7 @@ class Evaluate:
     fill: Surfaces | None = None
     clean: Clean | None = field(default_factory=Clean)
     reproject: Reproject = field(default_factory=Reproject)
+    detector: Labels = field(default_factory=Labels)
     reference: Path | None = None
     bins: DepthBins = DEFAULT_BINS
     frames: FrameSelection | None = None
@@ -204,8 +215,10 @@ class JudgeFrame:
         return JudgedFrame(errors, FrameSamples(samples, frame.rig), seconds)
 
 
-def run(job: Evaluate) -> DisparityReport | CloudsReport:
+def run(job: Evaluate) -> DisparityReport | CloudsReport | ObstaclesReport:
     """Judge what is asked for."""
+    if job.what == "obstacles":
+        return judge_labelled(job)
     if job.what == "cloud":
         return judge_clouds(job)
     if isinstance(job.source, Maps) or job.reference is not None:
@@ -275,6 +288,28 @@ def judge_clouds(job: Evaluate) -> CloudsReport:
     return told(job, pairs, per_frame, subject=f"{steps} on {source.summary.line}")
 
 
+def judge_labelled(job: Evaluate) -> ObstaclesReport:
+    """Find and measure the obstacles of every frame that has labels."""
+    pairs = pairs_of(opened(job))
+    searching = Searching(job.matcher, job.min_depth)
+    crew = CrewPlan(job.workers)
+    warnings = preflight(pairs, wanted=job.check, crew=crew, searching=searching)
+    match = MatchFrame.load(
+        pairs, job.matcher, refining(job), job.clean, balance=job.balance, min_depth_m=job.min_depth
+    )
+    steps = steps_in_words(described(job.matcher), refining(job), job.clean)
+    return judge_obstacles(
+        pairs,
+        SightFrame.of(match, GroundFit()),
+        job.detector,
+        subject=f"{described(job.detector)} by {steps} on {pairs.summary.line}",
+        crew=crew,
+        on_error=job.on_error,
+        tried=FRAMES_TRIED,
+        warnings=warnings,
+    )
+
+
 def told(
     job: Evaluate, source: FrameSequence[AnyFrame], per_frame: Comparing[AnyFrame], *, subject: str
 ) -> CloudsReport:
@@ -306,7 +341,7 @@ def opened(job: Evaluate) -> FrameSequence[Frame]:
     if isinstance(job.source, Maps):
         raise UsageError(
             "disparity maps, which have no points",
-            want="pairs with scans, or clouds",
+            want="pairs with scans or labels, or clouds",
             fix="Make clouds of them: `pseudolidar convert PAIRS OUT --disparity MAPS`.",
             path=job.source.path,
         )

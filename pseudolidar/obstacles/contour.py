@@ -21,7 +21,7 @@ MOST_BEARINGS, LEAST_PER_BEARING = 48, 2
 FRONT = 0.2
 # Pixels of a square with this side are matched by much the same windows and share their errors.
 PATCH_PX = 9.0
-# Faces of a box around a thing lie so far before its surface, which is round at corners and bumpers:
+# Faces of a box around a thing lie so far before its surface, which is round at its corners:
 # that of 22 objects of KITTI to 30 m, by the LiDAR (median), m.
 SET_BACK_M = 0.1
 # Unevenness of surfaces that boxes stand for, m.
