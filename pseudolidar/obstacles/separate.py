@@ -12,7 +12,7 @@ from pseudolidar.obstacles.frustum import Frustum, frustum_of
 from pseudolidar.obstacles.modes import depth_modes
 from pseudolidar.obstacles.plausible import log_plausible
 from pseudolidar.obstacles.sight import Sight
-from pseudolidar.structures.arrays import Int64
+from pseudolidar.structures.arrays import Int64, UInt8
 from pseudolidar.structures.box import Detection
 
 # Fewer pixels than this tell nothing.
@@ -25,6 +25,9 @@ BEGIN = 0.1
 CLEARLY = 0.05
 # An object that shares so much of its pixels with a surer one waits for that.
 CONTESTED = 0.5
+# So far does the depth of a thing run into what is seen beside it: half a matching window. Pixels
+# of that border are left out where this share of an object lies outside of it.
+BLED_PX, LEAST_CLEAR = 4, 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,13 +67,33 @@ def separated(sight: Sight, detections: Sequence[Detection]) -> tuple[Owned, ...
     """
     frustums = [frustum_of(sight, detection) for detection in detections]
     first = [_choice(sight, d, f) for d, f in zip(detections, frustums, strict=True)]
-    taken = np.zeros(sight.depth.values.size, bool)
+    taken = np.zeros(sight.depth.values.shape, np.uint8)
     owned: dict[int, Owned] = {}
     for number in _order(frustums, first):
-        free = frustums[number][~taken[frustums[number].pixels]]
+        free = _free(frustums[number], taken)
         owned[number] = _owned(frustums[number], free, _choice(sight, detections[number], free))
-        taken[owned[number].pixels.pixels] = True
+        taken.flat[owned[number].pixels.pixels] = 1
     return tuple(owned[number] for number in range(len(detections)))
+
+
+def _free(frustum: Frustum, taken: UInt8) -> Frustum:
+    """Pixels that no other object owns, nor lie beside its own: there depths run into each other.
+
+    Args:
+        frustum: of an object.
+        taken: (H, W) 1 where a pixel is owned.
+    """
+    free = frustum[taken.flat[frustum.pixels] == 0]
+    if not len(free):
+        return free
+    import cv2
+
+    rows, columns = np.divmod(free.pixels, taken.shape[1])
+    top, left = max(0, int(rows.min()) - BLED_PX), max(0, int(columns.min()) - BLED_PX)
+    window = taken[top : int(rows.max()) + BLED_PX + 1, left : int(columns.max()) + BLED_PX + 1]
+    beside = cv2.dilate(window, np.ones((2 * BLED_PX + 1, 2 * BLED_PX + 1), np.uint8))
+    clear = free[beside[rows - top, columns - left] == 0]
+    return clear if len(clear) >= max(LEAST_PIXELS, LEAST_CLEAR * len(free)) else free
 
 
 def _owned(whole: Frustum, free: Frustum, choice: _Choice | None) -> Owned:
