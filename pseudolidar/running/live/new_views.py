@@ -8,12 +8,17 @@ from typing import Any
 
 from pseudolidar.calibration.boards.board import Board
 from pseudolidar.calibration.boards.choosing import EYES, Judged, ViewChooser
-from pseudolidar.calibration.boards.seen import FindInPair
+from pseudolidar.calibration.boards.eye_order import EyeVotes, eye_order
+from pseudolidar.calibration.boards.seen import BoardSeen, FindInPair
 from pseudolidar.sources.capture.eyes import Eyes
 from pseudolidar.sources.capture.shots import ShotPair
 from pseudolidar.structures.arrays import Image
 
 _log = logging.getLogger(__name__)
+EXCHANGED = (
+    "the cameras are exchanged: what is called the left one stands on the right. Stop, and name "
+    "the other camera first, or pass --swap; `calibrate` puts what is saved already right by itself"
+)
 
 
 class NewViews:
@@ -28,14 +33,17 @@ class NewViews:
         self._find, self._eyes = FindInPair(board, thorough=False), eyes
         self._chooser = ViewChooser(board)
         self._said = "looking for the board"
+        self._board, self._votes = board, EyeVotes()
 
     def __call__(self, shots: ShotPair) -> bool:
         """Whether to keep a pair."""
         left, right, _ = self._eyes.pair(shots)
-        judged = self._chooser.judge(self._find(left, right, ""))
+        seen = self._find(left, right, "")
+        judged = self._chooser.judge(seen)
         self._said = _said_of(judged)
         if judged.why != "new":
             return False
+        self._vote(seen)
         _log.info("%s", self.words)
         return True
 
@@ -45,6 +53,14 @@ class NewViews:
             seen = self._find(left, right, "")
             if all(seen.eyes):
                 self._chooser.keep(seen)
+                self._vote(seen)
+
+    def _vote(self, seen: BoardSeen) -> None:
+        """Let a view that is kept say which camera stands on the left, and warn once."""
+        before = self._votes.order
+        self._votes.add(eye_order(seen, self._board))
+        if self._votes.order == "exchanged" != before:
+            _log.warning("%s", EXCHANGED)
 
     @property
     def words(self) -> str:
@@ -57,7 +73,10 @@ class NewViews:
         ]
         hold = f"; hold it where it was not yet: {', '.join(wanted)}" if wanted else ""
         share = f"{left.share:.0%} of the left and {right.share:.0%} of the right picture covered"
-        return f"{self._said}; {len(self._chooser.eyes[0].kept)} views, {share}{hold}"
+        exchanged = "exchanged eyes: name the other camera first, or pass --swap; " * (
+            self._votes.order == "exchanged"
+        )
+        return f"{exchanged}{self._said}; {len(self._chooser.eyes[0].kept)} views, {share}{hold}"
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -65,6 +84,7 @@ class NewViews:
         covered = {name: views.coverage for name, views in zip(EYES, eyes, strict=True)}
         return {
             "views": len(eyes[0].kept),
+            "eyes": self._votes.order,
             **{f"coverage_{name}": coverage.share for name, coverage in covered.items()},
             **{f"next_{name}": coverage.emptiest for name, coverage in covered.items()},
         }

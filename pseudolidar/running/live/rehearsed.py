@@ -60,10 +60,11 @@ def rehearsed(
     *,
     check: bool,
     searching: Searching | None = None,
-) -> tuple[str, ...]:
+) -> None:
     """Work on a pair whose result nobody wants, and look whether the cameras stand as their rig.
 
-    Loading or compiling kernels takes seconds, in which no frame would be taken.
+    Loading or compiling kernels takes seconds, in which no frame would be taken. What is odd about
+    the pair is logged.
 
     Args:
         source: the cameras.
@@ -71,16 +72,12 @@ def rehearsed(
         check: look for swapped eyes and rows that are off.
         searching: what disparities will be looked for.
 
-    Returns:
-        What is odd, which is logged.
-
     Raises:
         PairSwapped, NotRectified: the pairs would make no metres.
         CalibrationSizeMismatch, PairMismatch: the pictures are of another size.
     """
     frame = source.specimen()
     specimen = Specimen(source.summary, frame)
-    warnings = preflight(specimen, wanted=check, crew=CrewPlan(1), searching=searching)
+    preflight(specimen, wanted=check, crew=CrewPlan(1), searching=searching)
     with contextlib.suppress(PseudolidarError):  # a lens cap may be on still
         per_frame(frame)
-    return warnings

@@ -105,6 +105,22 @@ def test_a_board_that_was_just_brought_in_may_still_move() -> None:
     assert views.words.startswith("as one of the others; 1 views")
 
 
+@pytest.mark.parametrize(("exchanged", "order"), [(False, "right"), (True, "exchanged")])
+def test_exchanged_cameras_are_told_once_two_views_agree(
+    caplog, exchanged: bool, order: str
+) -> None:
+    views = NewViews(BOARD, Eyes(swap=exchanged))
+    pairs = [shots(*both(pose)) for pose in poses(BOARD, 2, seed=2)]
+    said = []
+    for pair in pairs:
+        assert [views(pair) for _ in range(2)] == [False, True]
+        said.append(views.as_dict()["eyes"])
+    assert said == ["unknown", order]
+    assert ("name the other camera first" in views.words) is exchanged
+    told = [record for record in caplog.records if record.levelname == "WARNING"]
+    assert len(told) == exchanged
+
+
 def test_what_was_kept_before_is_not_new(film, tmp_path: Path) -> None:
     folder, _ = film
     committed = run(job(folder, tmp_path)).result.committed
