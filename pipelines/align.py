@@ -37,6 +37,9 @@ from pseudolidar.structures.body import BodyRig
 from pseudolidar.structures.pose import Pose
 from pseudolidar.structures.recorded import Frame
 
+# Shorter lengths are told in millimetres.
+LEAST_CM_M = 0.01
+
 
 @dataclass(frozen=True)
 class Align:
@@ -223,11 +226,11 @@ class AlignReport:
         rows += [
             (
                 name,
-                f"{place.moved_m * 100:.1f} cm, {place.turned_deg:.2f} deg",
-                f"{place.translation_sigma_m.max() * 100:.1f} cm",
+                f"{_length(place.moved_m)}, {place.turned_deg:.2f} deg",
+                _length(place.translation_sigma_m.max()),
                 f"{np.degrees(place.rotation_sigma_rad.max()):.2f} deg",
                 f"{place.matches} ({place.share:.0%})",
-                f"{place.before_m * 100:.1f} -> {place.after_m * 100:.1f} cm",
+                f"{_length(place.before_m)} -> {_length(place.after_m)}",
             )
             for name, place in self.found.items()
         ]
@@ -239,6 +242,11 @@ class AlignReport:
         if self.previous is not None:
             parts.append(f"  the one before: {self.previous}")
         return "\n".join(parts)
+
+
+def _length(metres: float) -> str:
+    """Boards tell places to fractions of a millimetre, surfaces to centimetres."""
+    return f"{metres * 1000:.1f} mm" if metres < LEAST_CM_M else f"{metres * 100:.1f} cm"
 
 
 def _figures(place: PlaceFound) -> dict[str, Any]:

@@ -182,7 +182,7 @@ class _Doubt:
     def of(cls, place: Pose, covariance: Float64, spread: Float64, block: slice) -> _Doubt:
         about = about_place(place)
         own = about @ covariance[block, block] @ about.T
-        return cls(own, np.sqrt(np.maximum(np.diag(own), spread[block] ** 2)))
+        return cls(own, np.sqrt(np.diag(own) + spread[block] ** 2))
 
 
 def _place(

@@ -10,7 +10,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from pseudolidar.geometry.robust import robust_sigma
-from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.arrays import Float64, Int64
 from pseudolidar.structures.pose import Pose
 
 # Residuals beyond so many times what is usual count for less (Cauchy).
@@ -111,6 +111,17 @@ class Partners:
         """(N,) of the squares of the distances, Cauchy's."""
         scaled = self.residual_m / (CAUCHY * self.usual * self.sigma_m)
         return np.asarray(1.0 / (self.sigma_m**2 * (1.0 + scaled**2)))
+
+    def slices(self, count: int) -> list[Partners]:
+        """As many points in each of `count` slices, side by side as seen from the body's origin."""
+        x, y = self.points[:: self.rows_a_point, :2].T
+        order = np.argsort(np.arctan2(y, x), kind="stable")
+        rows = np.arange(len(self.residual_m)).reshape(-1, self.rows_a_point)
+        return [self._at(rows[part].ravel()) for part in np.array_split(order, count)]
+
+    def _at(self, rows: Int64) -> Partners:
+        columns = ("points", "normals", "residual_m", "along_first", "along_second")
+        return replace(self, **{name: getattr(self, name)[rows] for name in columns})
 
 
 def all_partners(sights: Sights, places: Mapping[str, Pose], gate_m: float) -> list[Partners]:

@@ -20,8 +20,9 @@ from pseudolidar.structures.pose import Pose
 
 # A place that is so many standard deviations from the given one is not believed.
 FARTHEST = 4.0
-# Frames that the spread of the fit without one of them is taken from.
-LEAST_FRAMES = 3
+# Frames that the spread of the fit without one of them is taken from; where there are fewer, what
+# two pairs share is cut into so many slices.
+LEAST_FRAMES, SLICES = 3, 8
 
 
 def covariance_of(H: Float64, free: Sequence[str], dof: int, chi2: float) -> Float64:
@@ -82,9 +83,10 @@ def _pull_of(name: str, partners: Sequence[Partners], free: Sequence[str]) -> Fl
 def spread_of(
     sights: Sights, places: Mapping[str, Pose], free: Sequence[str], gate_m: float
 ) -> Float64:
-    """(6 n,) standard deviations by leaving out one frame after the other; 0 with few frames.
+    """(6 n,) standard deviations by leaving out one part of what is seen after the other.
 
-    Errors of neighbouring points belong together, which the covariance does not know.
+    Errors of neighbouring points belong together, which the covariance does not know. Parts are
+    frames; where these are few, slices of what two pairs share.
 
     Args:
         sights: of each frame what each pair sees.
@@ -93,13 +95,15 @@ def spread_of(
         gate_m: how far apart points of one surface may be.
     """
     if len(sights) < LEAST_FRAMES:
-        return np.zeros(6 * len(free))
-    steps = []
-    for left_out in range(len(sights)):
-        kept = [frame for number, frame in enumerate(sights) if number != left_out]
-        H, g, _, _ = system(all_partners(kept, places, gate_m), free)
-        steps.append(-np.linalg.lstsq(H, g, rcond=1e-6)[0])
-    n = len(sights)
+        slices = [each.slices(SLICES) for each in all_partners(sights, places, gate_m)]
+        parts = [list(part) for part in zip(*slices, strict=True)]
+    else:
+        parts = [all_partners([frame], places, gate_m) for frame in sights]
+    systems = [system(part, free)[:2] for part in parts]
+    H = np.sum([H for H, _ in systems], axis=0)
+    g = np.sum([g for _, g in systems], axis=0)
+    steps = [-np.linalg.lstsq(H - H_part, g - g_part, rcond=1e-6)[0] for H_part, g_part in systems]
+    n = len(parts)
     off = np.array(steps) - np.mean(steps, axis=0)
     return np.asarray(np.sqrt((n - 1) / n * (off**2).sum(axis=0)))
 

@@ -10,7 +10,8 @@ import pytest
 
 from pseudolidar.calibration.overlap import Overlap, Sight, Trust
 from pseudolidar.calibration.overlap_fit import PlaceFound, places_found
-from pseudolidar.calibration.overlap_partners import all_partners, partners_of
+from pseudolidar.calibration.overlap_partners import Partners, all_partners, partners_of
+from pseudolidar.calibration.overlap_trust import spread_of
 from pseudolidar.errors import OverlapInsufficient
 from pseudolidar.geometry.frames import BASE_LINK
 from pseudolidar.structures.body import BodyRig
@@ -183,3 +184,28 @@ def test_points_that_are_off_by_more_than_is_usual_count_for_little() -> None:
     like_others = replace(first, residual_m=np.zeros(25)).weights
     assert first.weights[7] < 0.5 * like_others[7]
     assert first.weights[8] > 0.99 * like_others[8]
+
+
+def test_one_frame_tells_its_spread_by_slices_of_what_is_shared() -> None:
+    """Walls that bulge pull the slices apart, which no covariance of single points knows."""
+    given, gate_m = places(body_rig()), Overlap().gates_m[-1]
+    as_is = {name: sights()[1][name] for name in ("front", "left")}
+    x, _, z = as_is["left"].xyz.T
+    bulge = 1.0 + 0.01 * np.sin(8 * np.arctan2(x, z))
+    bulging = as_is | {"left": replace(as_is["left"], xyz=as_is["left"].xyz * bulge[:, None])}
+    calm, torn = (spread_of([frame], given, ["left"], gate_m) for frame in (as_is, bulging))
+    assert (calm > 0).all()
+    assert (torn > 2 * calm).all()
+
+
+def test_slices_hold_each_point_once_with_all_its_rows_side_by_side() -> None:
+    angles = np.radians([170.0, -60.0, 10.0, -100.0, 80.0])
+    points = np.c_[np.cos(angles), np.sin(angles), np.zeros(5)]
+    rows = np.arange(15.0)
+    board = Partners(
+        "a", "b", np.repeat(points, 3, axis=0), np.tile(np.eye(3), (5, 1)), rows, rows, rows, 0.1, 3
+    )
+    slices = board.slices(2)
+    assert [part.count for part in slices] == [3, 2]
+    assert [part.residual_m[::3].tolist() for part in slices] == [[9, 3, 6], [12, 0]]
+    assert slices[1].residual_m.tolist() == [12, 13, 14, 0, 1, 2]
