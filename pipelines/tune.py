@@ -139,7 +139,8 @@ def run(job: Tune) -> TuneReport:
     journal = check_place(job)
     source, crew = opened(job), CrewPlan(job.workers)
     space = Space.around(
-        Candidate(job.matcher, job.smooth, job.fill), keep=tuple(filter(None, job.keep.split(",")))
+        Candidate(job.matcher, job.smooth, job.fill),
+        keep=[name for each in job.keep.split(",") if (name := each.strip())],
     )
     searching = Searching(job.matcher, job.min_depth)
     warnings = preflight(source, wanted=job.check, crew=crew, searching=searching)
@@ -189,9 +190,9 @@ def searched(
     kept: list[Found] = []
 
     def keep(scored: Scored, held: float) -> None:
-        found = found_of(search, scored, held)
-        kept.append(found)
-        write_settings(job.out, found, about)
+        kept.append(found_of(search, scored, held))
+        if not (search.repeats_only and job.out.exists()):  # an earlier run wrote what is better
+            write_settings(job.out, kept[-1], about)
 
     with TimeProgress(job.budget.seconds, "tuning") as bar:
 
@@ -205,8 +206,11 @@ def searched(
             search.run(most_candidates=job.candidates)
         except KeyboardInterrupt:
             if kept:
+                if not search.repeats_only:
+                    write_settings(job.out, kept[-1], about)
                 _log.info("the best so far is in %s", job.out)
             raise
+    write_settings(job.out, kept[-1], about)
     return search, kept[-1]
 
 

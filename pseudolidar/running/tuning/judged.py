@@ -129,8 +129,11 @@ class JudgedFrames:
             for indices in (first, last)
         ]
         if not all(parts):
-            alone = next(part for each in parts for part in each)
-            parts = [[half] for half in _strips(alone)]
+            every = [part for each in parts for part in each]
+            first, last = halves(len(every), tuned_on, held)
+            parts = [[every[i] for i in first], [every[i] for i in last]]
+            if len(every) == 1:
+                parts = [[half] for half in _strips(every[0])]
         ready = [tuple(_prepared(each, chosen, start, source)) for each in parts]
         if not all(ready):
             raise ReferenceMissing(

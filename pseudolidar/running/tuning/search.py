@@ -124,6 +124,11 @@ class Search:
             return
 
     @property
+    def repeats_only(self) -> bool:
+        """Whether nothing was judged yet that an earlier run has not judged."""
+        return 0 < self.trials.restored == len(self.trials.known)
+
+    @property
     def best(self) -> Scored:
         """The best on the frames to tune on."""
         return self._elite[0]
@@ -153,9 +158,9 @@ class Search:
         start = self.space.start
         self._note(start)
         self._judge([start], (*self.frames.tuned_on, *self.frames.held), limited=False)
-        failed = self.trials.known[key_of(start), self.frames.tuned_on[0].id].judgement
-        if failed == FAILED:  # say why
-            self.frames.tuned_on[0](self.loader(start))
+        for part in (*self.frames.tuned_on, *self.frames.held):
+            if self.trials.known[key_of(start), part.id].judgement == FAILED:  # say why
+                part(self.loader(start))
         self._elite = [Scored(start, self.space.origin, 1.0)]
         self._taken = self._elite[:]
         self.on_best(self._elite[0], 1.0)

@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from pseudolidar.errors import OutputSettings, PseudolidarError, ReferenceMissing
+from pseudolidar.errors import ImageMissing, OutputSettings, PseudolidarError, ReferenceMissing
 from pseudolidar.running.tuning.judged import JudgedFrame, JudgedFrames, halves, mirrored
 from pseudolidar.running.tuning.search import Budget, Search
 from pseudolidar.running.tuning.space import Candidate, Space
@@ -127,6 +127,9 @@ def test_a_search_goes_on_where_it_stopped(frames, tmp_path):
     assert kept_again == kept
     assert len(judged) == len(whole.trials.known) - (before.count(b"\n") - 2)
     assert set(again.trials.known) == set(whole.trials.known)
+    assert (whole.repeats_only, again.repeats_only) == (False, False)
+    repeated, _ = searched(frames, path, candidates=40)
+    assert repeated.repeats_only
 
 
 def test_no_time_leaves_the_first_settings(frames, tmp_path):
@@ -140,7 +143,7 @@ def test_no_time_leaves_the_first_settings(frames, tmp_path):
 def test_what_wins_by_chance_is_not_taken(frames, tmp_path):
     """Candidates that are better on the frames to tune on and worse on those held back."""
     held = frames.held[0]
-    worse = dataclasses.replace(held, reference=held.reference + 2 * (held.reference > 0))
+    worse = dataclasses.replace(held, reference=held.reference + np.float32(2))
 
     class Biased:
         def __init__(self, candidate):
@@ -177,6 +180,32 @@ def test_where_the_first_settings_fail_the_reason_is_said(frames, tmp_path):
 
     with pytest.raises(PseudolidarError, match="no such thing"):
         searched(frames, tmp_path / "t.jsonl", candidates=5, loader=failing)
+
+    def failing_later(candidate):
+        def match(frame):
+            if frame.id == frames.held[0].frame.id:
+                raise PseudolidarError("not this one", want="another")
+            return load(candidate)(frame)
+
+        return match
+
+    with pytest.raises(PseudolidarError, match="not this one"):
+        searched(frames, tmp_path / "u.jsonl", candidates=5, loader=failing_later)
+
+
+def test_frames_that_can_be_read_are_shared_out(room):
+    class WithoutTheFirst:
+        ids, summary, rig = room.ids, room.summary, room.rig
+
+        def load(self, index):
+            if index < 3:
+                raise ImageMissing("no file", want="a picture")
+            return room.load(index)
+
+    frames = JudgedFrames.of(WithoutTheFirst(), "truth", load(START), tuned_on=2, held=2)
+    assert len(frames.skipped) == 2
+    assert [part.id for part in frames.tuned_on] == ["000003"]
+    assert [part.id for part in frames.held] == ["000004"]
 
 
 def test_trials_of_another_search_are_refused(tmp_path):
