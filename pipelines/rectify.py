@@ -45,6 +45,12 @@ from pseudolidar.structures.image_size import ImageSize
 from pseudolidar.structures.recorded import Frame
 
 PICTURE = "rows.png"
+# Rows that cameras without distortion leave this far apart, px, are those of lenses with some.
+BENT_PX = 1.0
+BENT = (
+    "WARNING: rows do not meet: no cameras without lens distortion make these pictures "
+    "(fisheyes?). Calibrate them with a board, `pseudolidar calibrate`"
+)
 
 
 @dataclass(frozen=True)
@@ -258,6 +264,12 @@ class RectifyReport:
         found = [pair.matches.row_difference_px[pair.inliers] for pair in self.looked.pairs]
         return np.concatenate(found) if found else np.zeros(0)
 
+    @property
+    def bent(self) -> bool:
+        """Whether cameras were found that most matches of the rectified pictures contradict."""
+        rows = np.abs(self.rows_px)
+        return self.found is not None and len(rows) > 0 and float(np.median(rows)) > BENT_PX
+
     def as_dict(self) -> dict[str, Any]:
         """Rigs, shares of pixels that show something, row differences, counts and times."""
         rows = np.abs(self.rows_px)
@@ -269,6 +281,7 @@ class RectifyReport:
             "row_difference_px": float(np.median(rows)) if len(rows) else None,
             "row_difference_95_px": float(np.quantile(rows, 0.95)) if len(rows) else None,
             "notes": list(self.notes),
+            "bent": self.bent,
             "uncalibrated": None if self.found is None else self.found.as_dict(),
         }
 
@@ -286,6 +299,7 @@ class RectifyReport:
         lines.append(f"  {row_text(self.rows_px)}")
         if self.found is not None:
             lines += [f"  {line}" for line in self.found.lines]
+            lines += [f"  {BENT}"] if self.bent else []
             lines.append(f"  {self.out / CAMERAS}")
         lines.append(f"  {self.out / PICTURE}")
         return "\n".join(lines)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from pseudolidar.calibration.check_epipolar import RowFit
 from pseudolidar.calibration.check_finding import Finding, sure_beyond
 
@@ -16,6 +18,9 @@ MOST_SIGMA_PX = 0.35
 STOP_PX, WARN_PX = 1.0, 0.6
 # Small pictures: a roll is seen before it makes that much.
 STOP_ROLL_DEG, STOP_ROLL_PX = 0.35, 0.4
+# Matches that are off by less than this share of what a fit to them says contradict it: of
+# a repeating pattern (chessboard, 0.19 px, fit 1.68).
+EXTRAPOLATED = 1 / 3
 # What is worth a word in the explanation.
 SAID_PX, SAID_DEG, SAID_SHARE, SAID_DIRECTION = 0.5, 0.1, 0.004, 0.03
 # Rows of rectified pictures that are off by so much at most are put right by a row correction.
@@ -57,6 +62,15 @@ def rows_found(fit: RowFit | None, *, matches: int) -> Finding:
             figures={"matches": matches, "inliers": agreeing},
         )
     typical_px, sigma_px = fit.typical_px, fit.typical_sigma_px
+    own_px = float(np.median(np.abs(fit.matches.row_difference_px[fit.inliers])))
+    if own_px < EXTRAPOLATED * typical_px and typical_px > WARN_PX:
+        return Finding(
+            ROWS,
+            "unknown",
+            f"cannot tell: matches are {own_px:.2f} px off, and a fit to them says "
+            f"{typical_px:.2f}: a pattern that repeats, or too few things",
+            figures={"matches": matches, "inliers": int(fit.inliers.sum())},
+        )
     figures: dict[str, float | int | None] = {
         "matches": matches,
         "inliers": int(fit.inliers.sum()),

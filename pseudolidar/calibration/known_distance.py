@@ -82,8 +82,8 @@ class Scale:
 
     Args:
         metres: of a unit.
-        sigma_share: one standard deviation as a share, as the disparities of what was measured
-            spread; 0 where it was said.
+        sigma_share: one standard deviation as a share, by the spread of the disparities of what
+            was measured, and by an error that all disparities share; 0 where it was said.
         text: how it is known, in words.
     """
 
@@ -98,13 +98,20 @@ def said_scale(known: KnownDistance, rig: StereoRig) -> Scale:
     return Scale(known.metres / between, 0.0, f"the eyes are {known.metres:g} m apart, as said")
 
 
-def seen_scale(known: KnownDistance, plan: Rectification, disparity: DisparityMap) -> Scale:
+def seen_scale(
+    known: KnownDistance,
+    plan: Rectification,
+    disparity: DisparityMap,
+    *,
+    offset_sigma_px: float = 0.0,
+) -> Scale:
     """The scale where a distance is known that a picture shows.
 
     Args:
         known: with pixels of the left picture as it was taken.
         plan: how that is rectified, in units of its rig.
         disparity: (H, W) px of the rectified picture.
+        offset_sigma_px: what all disparities may be off by together.
 
     Raises:
         CalibrationValue: nothing was matched there.
@@ -119,10 +126,17 @@ def seen_scale(known: KnownDistance, plan: Rectification, disparity: DisparityMa
             float(np.linalg.norm(_place(plan.rig, at, d + sigma) - place))
             for at, (d, sigma), place in zip(corners, ends, places, strict=True)
         ]
-        share = math.hypot(*nudged) / length
+        shifted = [
+            _place(plan.rig, at, d + offset_sigma_px)
+            for at, (d, _) in zip(corners, ends, strict=True)
+        ]
+        together = float(np.linalg.norm(shifted[1] - shifted[0])) - length
+        share = math.hypot(*nudged, together) / length
     else:
         d, sigma = _in_box(disparity, corners, known)
-        length, share = float(plan.rig.fB_px_m / (d + plan.rig.doffs_px)), sigma / d
+        nearness_px = d + plan.rig.doffs_px
+        length = float(plan.rig.fB_px_m / nearness_px)
+        share = math.hypot(sigma, offset_sigma_px) / nearness_px
     what = "two things apart" if known.kind == "points" else "away"
     text = f"{known.metres:g} m {what}, as said of {known}"
     return Scale(known.metres / length, share, text)

@@ -18,6 +18,7 @@ from pseudolidar.calibration.check import (
 from pseudolidar.calibration.check_eyes import EYES
 from pseudolidar.calibration.check_finding import SUREST, Finding
 from pseudolidar.calibration.check_rotation import rotation_found
+from pseudolidar.calibration.check_rows import ROWS
 from pseudolidar.calibration.drift import EyeRotation
 from pseudolidar.errors import CalibrationSizeMismatch, NotRectified, PseudolidarError, printable
 from pseudolidar.running.crew.attempt import Done, Skipped
@@ -183,7 +184,8 @@ def _unless_exchanged(
     names = {pair.id for pair in check.pairs}
     indices = [index for index, name in enumerate(source.ids) if name in names]
     other = check_source(exchanged(source), indices, crew=crew, exchanging=False)
-    if other.error is not None:
+    meet = any(f.name == ROWS and f.severity in ("good", "warn") for f in other.findings)
+    if other.error is not None or not meet:  # pairs that tell nothing of rows prove nothing
         return check
     told = EXCHANGED in source.summary.notes
     finding = Finding(

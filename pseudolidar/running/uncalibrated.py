@@ -86,8 +86,12 @@ class FoundCameras:
             f"of matches left out of the fit by {fit.held_px:.2f}",
         ]
         shape = "angles and ratios" if fit.focal_from == "given" else "planes and straight lines"
-        offset = f"an error of the yaw adds {fit.yaw_sigma_px:.2g} px or more to all disparities"
-        lines.append(f"shape: {shape} are those of the scene, but for lens distortion; {offset}")
+        lines.append(
+            f"shape: {shape} are those of the scene but for lens distortion, centres off the middle"
+            f" of the pictures and an error of the yaw: on real pairs these add some "
+            f"{fit.offset_sigma_px:.2g} px to all disparities, and what is far is wrong the most; "
+            "a board tells (`pseudolidar calibrate`)"
+        )
         if fit.moved_px:
             lines.append(
                 f"the centre of the right pictures is taken {fit.moved_px:.1f} px farther right: "
@@ -118,6 +122,7 @@ class FoundCameras:
             "rows_after_px": fit.after_px,
             "rows_left_out_px": fit.held_px,
             "yaw_sigma_px": fit.yaw_sigma_px,
+            "offset_sigma_px": fit.offset_sigma_px,
             "far_px": fit.far_px,
             "moved_px": fit.moved_px,
             "metric": self.rig.metric,
@@ -158,7 +163,10 @@ def found_cameras(
     if known.kind == "baseline":
         scale = said_scale(known, rig)
     else:
-        scale = looked_up(known, rig, source, pictures.ids, swap=swap, rectify=rectify)
+        offset_px = fit.offset_sigma_px
+        scale = looked_up(
+            known, rig, source, pictures.ids, swap=swap, rectify=rectify, offset_sigma_px=offset_px
+        )
     return FoundCameras(fit, scale, scaled_rig(rig, scale))
 
 
@@ -260,6 +268,7 @@ def looked_up(
     *,
     swap: bool,
     rectify: Rectify,
+    offset_sigma_px: float,
 ) -> Scale:
     """The scale by what a picture shows where the distance is known.
 
@@ -270,6 +279,7 @@ def looked_up(
         ids: of its frames.
         swap: exchange left and right pictures.
         rectify: how pairs are rectified.
+        offset_sigma_px: what all disparities may be off by together.
 
     Raises:
         UsageError: no such frame.
@@ -286,4 +296,5 @@ def looked_up(
         pairs = pairs_of(opened_with_rig(source, path, swap=swap, rectify=rectify))
         frame = pairs.load(pairs.ids.index(name))
     disparity = Census(quality="fine").load()(frame)
-    return seen_scale(known, rectify.plans(rig)[0], disparity)
+    plan = rectify.plans(rig)[0]
+    return seen_scale(known, plan, disparity, offset_sigma_px=offset_sigma_px)

@@ -205,6 +205,14 @@ def test_a_rendered_room_with_its_rig_withheld(room):
     units = np.linalg.norm(fit.rig.T_right_left.translation_m)
     assert by_points.metres * units == pytest.approx(true.baseline_m, rel=0.05)
     assert by_points.sigma_share < 0.1
+    # An error that all disparities share is the greater part of what the result says of itself.
+    assert fit.offset_sigma_px > 0.03 * true.left.width_px
+    for text in (known, f"box:{u - 20},{v - 5},{u + 20},{v + 5}=1"):
+        told = KnownDistance.parse(text)
+        alone = seen_scale(told, plan, disparity)
+        both = seen_scale(told, plan, disparity, offset_sigma_px=fit.offset_sigma_px)
+        assert both.metres == alone.metres
+        assert both.sigma_share > max(0.1, 2 * alone.sigma_share)
 
 
 def test_known_distances_are_read_as_they_are_written():

@@ -93,3 +93,40 @@ def test_chessboard_pictures_without_a_board(real_data, tmp_path, capsys):
     assert main(call) == 0
     said = capsys.readouterr()
     assert "scale unknown" in said.out + said.err
+
+
+def rectified(capsys, folder, out, *flags):
+    assert main(["rectify", str(folder), str(out), "--uncalibrated", *flags, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_exchanged_pictures_of_a_board_are_named_and_then_done(real_data, tmp_path, capsys):
+    """One of the pairs is a board whose squares are taken for each other: it stops nothing."""
+    folder = real_data / "chessboard" / "swapped_640x512"
+    assert main(["rectify", str(folder), str(tmp_path / "no"), "--uncalibrated", "--json"]) == 3
+    assert json.loads(capsys.readouterr().out)["error"]["code"] == "PairSwapped"
+    told = rectified(capsys, folder, tmp_path / "out", "--swap", "--frames", "01,13,25")
+    assert told["row_difference_px"] < ROWS_PX
+    assert told["bent"] is False
+
+
+def test_fisheyes_are_said_to_need_a_board(real_data, tmp_path, capsys):
+    """Two matches of three agree on a flat picture, and all the others are off."""
+    folder = next((real_data / "chessboard").glob("fisheye*"))
+    told = rectified(capsys, folder, tmp_path / "out", "--frames", "29")
+    assert told["bent"] is True
+    assert told["row_difference_px"] > 1
+    assert told["uncalibrated"]["rows_left_out_px"] < ROWS_PX
+
+
+def test_a_known_distance_says_how_little_it_tells(real_data, tmp_path, capsys):
+    """The centres of Middlebury's pictures are off the middle by 59 and 28 px."""
+    frame = motorcycle(real_data)
+    true_m = frame.rig.fB_px_m / (frame.truth.values[282:299, 592:609] + frame.rig.doffs_px)
+    known = f"box:592,282,608,298={np.nanmedian(true_m):.4f}"
+    flags = ("--focal", f"{frame.rig.left.focal_px}", "--known-distance", known)
+    told = rectified(capsys, real_data / "middlebury" / "motorcycle", tmp_path / "out", *flags)
+    share = told["uncalibrated"]["scale_sigma"]
+    off = read_rig(tmp_path / "out" / "rig.json").baseline_m / frame.rig.baseline_m - 1
+    assert 0.1 < abs(off) < 2 * share
+    assert share < 0.5
