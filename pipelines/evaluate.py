@@ -20,6 +20,7 @@ from pseudolidar.evaluation.map_files import is_maps, paired_maps, read_map
 from pseudolidar.evaluation.obstacles_report import ObstaclesReport
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.obstacles.labels import Labels
+from pseudolidar.obstacles.regions import Regions
 from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.comparing.cloud_of_pair import CompareCloudOfPair
 from pseudolidar.running.comparing.clouds import OWN_SCANS, other_clouds
@@ -35,7 +36,7 @@ from pseudolidar.running.obstacle_judging import judge_obstacles
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.reports.clouds_report import CloudsReport
-from pseudolidar.running.settings_schema import described
+from pseudolidar.running.settings_schema import choice_name, described
 from pseudolidar.running.sighting import SightFrame
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import opened_with_rig
@@ -157,7 +158,7 @@ class Evaluate:
     fill: Surfaces | None = None
     clean: Clean | None = field(default_factory=Clean)
     reproject: Reproject = field(default_factory=Reproject)
-    detector: Labels = field(default_factory=Labels)
+    detector: Labels | Regions = field(default_factory=Labels)
     reference: Path | None = None
     bins: DepthBins = DEFAULT_BINS
     frames: FrameSelection | None = None
@@ -302,7 +303,7 @@ def judge_labelled(job: Evaluate) -> ObstaclesReport:
         pairs,
         SightFrame.of(match, GroundFit()),
         job.detector,
-        subject=f"{described(job.detector)} by {steps} on {pairs.summary.line}",
+        subject=f"{choice_name(type(job.detector))} measured by {steps} on {pairs.summary.line}",
         crew=crew,
         on_error=job.on_error,
         tried=FRAMES_TRIED,

@@ -1,0 +1,220 @@
+"""Obstacles in front of the cameras: how far, how big, and how sure."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+from pseudolidar.clouds.ground_fit import GroundFit
+from pseudolidar.formats.atomic import write_atomic
+from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.obstacles.detector import Detector
+from pseudolidar.obstacles.labels import Labels
+from pseudolidar.obstacles.measure import measured
+from pseudolidar.obstacles.regions import Regions
+from pseudolidar.running.apart import check_apart, paths_read
+from pseudolidar.running.bad_frames import OnError
+from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
+from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
+from pseudolidar.running.folder import check_usable
+from pseudolidar.running.matching import MatchFrame, Refining
+from pseudolidar.running.nearness import Searching
+from pseudolidar.running.products.found import FOUND_FOLDER, Found, found_file, read_found
+from pseudolidar.running.products.obstacle_tables import encode_csv, encode_jsonl
+from pseudolidar.running.products.product import Product
+from pseudolidar.running.reports.obstacles_report import ObstaclesReport
+from pseudolidar.running.run import Run
+from pseudolidar.running.sighting import SightFrame
+from pseudolidar.running.stream import stream
+from pseudolidar.sources.other_rig import opened_with_rig
+from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.rectified import Rectify
+from pseudolidar.sources.selection import FrameSelection, select
+from pseudolidar.sources.source import FrameSequence, tell
+from pseudolidar.stereo.balance import BalanceWhen
+from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.filters.clean import Clean
+from pseudolidar.stereo.neural import Onnx
+from pseudolidar.stereo.sgbm import Bm, Sgbm
+from pseudolidar.structures.recorded import Frame
+
+_log = logging.getLogger(__name__)
+TABLES = ("obstacles.jsonl", "obstacles.csv")
+
+
+@dataclass(frozen=True)
+class Obstacles:
+    """Find what is in front of the cameras in SOURCE: how far, how big, and how sure.
+
+    A detector says where objects are in the pictures; the points behind each are separated from
+    ground, background and neighbours, and become an oriented box with error bars. OUT gets
+    obstacles.jsonl and obstacles.csv, a line for each obstacle (docs/obstacles.md). A run that was
+    stopped or killed is continued by the same command.
+
+        pseudolidar obstacles training out --detector labels --rig rig.json
+        pseudolidar obstacles 2011_09_26_drive_0002_sync out --detector regions:boxes.csv
+        pseudolidar obstacles left.mp4 out --right right.mp4 --detector regions:480,180,512,202
+
+    Args:
+        source: pairs: KITTI data, folders, videos, a recording, synthetic:NAME; or pictures with
+            their depth.
+        out: output folder.
+        detector: what says where objects are.
+        matcher: how disparities are found.
+        balance: give the right picture the brightness, colours, gamma and vignetting of the left
+            one before matching: `auto` for matchers that compare brightness (all but census) where
+            the eyes differ, `always`, `never`.
+        clean: what is removed of the disparities because it is no surface; `none` keeps all.
+        ground: how the ground is looked for; `none` where there is none, as in flight.
+        frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
+        exclude: not these.
+        rig: calibration that replaces the source's cameras: a rig.json, OpenCV YAML, XML or JSON,
+            ROS camera_info, K.txt, calib.txt; a file, a folder, or LEFT,RIGHT. One that `refine`
+            corrected makes distances right.
+        rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
+        rectify: how unrectified pairs are rectified, as they load.
+        scale_calibration: scale the calibration where images have another size.
+        min_depth: nearest depth that must be found, m; decides how many disparities are searched.
+            By default what the data set says of its scenes, or the rig of its board, else 3.
+        swap: exchange left and right pictures.
+        check: look at the first, the middle and the last pair before the run: swapped eyes, rows
+            that are off and a calibration for another size stop it, other oddities are warned of.
+        workers: frames worked on at the same time; by default one per core.
+        timeout: a frame that takes longer is skipped, s.
+        on_error: skip a bad frame (and stop when they become many), or stop at the first.
+        overwrite: start anew, even where OUT holds a run with other settings.
+    """
+
+    source: Annotated[Source, Recognised(recognise)]
+    out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out")
+    detector: Labels | Regions = field(default_factory=Labels)
+    matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
+    balance: BalanceWhen = "auto"
+    clean: Clean | None = field(default_factory=Clean)
+    ground: GroundFit | None = field(default_factory=GroundFit)
+    frames: FrameSelection | None = None
+    exclude: FrameSelection | None = None
+    rig: Path | None = None
+    rig_unit: RigUnit | None = None
+    rectify: Rectify = field(default_factory=Rectify)
+    scale_calibration: bool = False
+    min_depth: float | None = None
+    swap: bool = False
+    check: Annotated[bool, RUN_ONLY] = True
+    workers: Annotated[int | None, RUN_ONLY] = None
+    timeout: Annotated[float, RUN_ONLY] = FRAME_TIMEOUT_S
+    on_error: Annotated[OnError, RUN_ONLY] = "skip"
+    overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+
+    @property
+    def crew(self) -> CrewPlan:
+        """How the frames are done."""
+        return CrewPlan(self.workers, self.timeout)
+
+    @property
+    def searching(self) -> Searching:
+        """What disparities are looked for."""
+        return Searching(self.matcher, self.min_depth)
+
+
+def run(job: Obstacles) -> ObstaclesReport:
+    """Every frame of the source: match, find, measure; commit in order; tables at the end."""
+    source = opened(job)
+    check_usable(job.out)
+    per_frame = ObstaclesFrame.of(job, source)
+    check_apart(job.out, paths_read(job.source), (FOUND_FOLDER, *TABLES), overwrite=job.overwrite)
+    with Run.open(job.out, job, source, products=TABLES) as run:
+        settled = run.settled(source.ids)
+        run.check(
+            wanted=job.check and len(settled) < len(source.ids),
+            crew=job.crew,
+            searching=job.searching,
+        )
+        outcomes = stream(source, per_frame, crew=job.crew, skip=settled, in_flight=run.in_flight)
+        for frame in run.good(outcomes):
+            run.commit(frame)
+        write_tables(job.out, run)
+    return ObstaclesReport(run.result(), job.out, tuple(job.out / name for name in TABLES))
+
+
+@dataclass(frozen=True)
+class ObstaclesFrame:
+    """One frame to its obstacles: pure, picklable, one thread.
+
+    Args:
+        sight: frame to depth and ground.
+        detect: says where objects are.
+    """
+
+    sight: SightFrame
+    detect: Detector
+
+    @classmethod
+    def of(cls, job: Obstacles, source: FrameSequence[Frame]) -> ObstaclesFrame:
+        """With everything heavy loaded."""
+        match = MatchFrame.load(
+            source,
+            job.matcher,
+            Refining(),
+            job.clean,
+            balance=job.balance,
+            min_depth_m=job.min_depth,
+        )
+        return cls(SightFrame.of(match, job.ground), job.detector.load())
+
+    def __call__(self, frame: Frame) -> Product:
+        """Find, and encode what was found.
+
+        Raises:
+            PseudolidarError: as `found`.
+        """
+        found = self.found(frame)
+        return Product((found_file(found),), figures=figures(found))
+
+    def found(self, frame: Frame) -> Found:
+        """Match, reproject, detect, measure; the nearest obstacle first.
+
+        Raises:
+            PairIdentical, LowTexture, MapEmpty: there is nothing to be seen.
+            LabelError: the detector has nothing to go by.
+        """
+        seen = self.sight(frame)
+        obstacles = measured(seen.sight, self.detect(seen.sight))
+        nearest_first = sorted(obstacles, key=lambda obstacle: obstacle.distance_m)
+        return Found(frame, seen, tuple(nearest_first))
+
+
+def figures(found: Found) -> dict[str, Any]:
+    """Of one frame, for the report."""
+    told: dict[str, Any] = {
+        "obstacles": len(found.obstacles),
+        "density": float(found.seen.sight.depth.valid.mean()),
+    }
+    if found.obstacles:
+        told["nearest_m"] = found.obstacles[0].distance_m
+    return told
+
+
+def write_tables(folder: Path, run: Run) -> None:
+    """All obstacles of all frames, in the order of the source."""
+    records = [record for record in run.records() if record.skipped is None]
+    obstacles = [one for record in records for one in read_found(folder, record)]
+    for name, encode in zip(TABLES, (encode_jsonl, encode_csv), strict=True):
+        write_atomic(folder / name, encode(obstacles))
+
+
+def opened(job: Obstacles) -> FrameSequence[Frame]:
+    """The source with the selection and the rig that the job asks for."""
+    every = opened_with_rig(
+        job.source,
+        job.rig,
+        scale_calibration=job.scale_calibration,
+        unit=job.rig_unit,
+        swap=job.swap,
+        rectify=job.rectify,
+    )
+    source = select(every, job.frames, job.exclude)
+    tell(source)
+    return source

@@ -1,0 +1,40 @@
+"""`obstacles.jsonl` and `obstacles.csv`: one line for each obstacle of each frame."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+# Columns of the CSV, and where each value is among the fields of an obstacle.
+COLUMNS: tuple[tuple[str, str, int | None], ...] = (
+    *((name, name, None) for name in ("frame", "time_s", "number", "class", "score")),
+    *((name, name, None) for name in ("distance_m", "sigma_distance_m")),
+    *((f"{axis}_m", "centre_m", i) for i, axis in enumerate("xyz")),
+    *((f"{name}_m", "size_m", i) for i, name in enumerate(("length", "width", "height"))),
+    *(
+        (f"sigma_{name}_m", "sigma_size_m", i)
+        for i, name in enumerate(("length", "width", "height"))
+    ),
+    *((name, name, None) for name in ("heading_rad", "sigma_heading_rad", "points", "confidence")),
+    *((name, name, None) for name in ("truncated", "occluded", "measured_by")),
+    *((name, "box_px", i) for i, name in enumerate(("left", "top", "right", "bottom"))),
+)
+
+
+def encode_jsonl(obstacles: Iterable[Mapping[str, Any]]) -> bytes:
+    """Every field of each obstacle, one JSON object a line."""
+    return "".join(f"{json.dumps(dict(one))}\n" for one in obstacles).encode()
+
+
+def encode_csv(obstacles: Iterable[Mapping[str, Any]]) -> bytes:
+    """The usual columns, the first line their names, lengths to a millimetre or finer."""
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow([name for name, _, _ in COLUMNS])
+    for one in obstacles:
+        values = (one[field] if at is None else one[field][at] for _, field, at in COLUMNS)
+        rows.writerow([f"{v:.9g}" if isinstance(v, float) else v for v in values])
+    return text.getvalue().encode()
