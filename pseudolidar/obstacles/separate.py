@@ -23,6 +23,9 @@ LONGER, END_SIGMAS = 1.15, 2.0
 BEGIN = 0.1
 # A farther mode is taken for a nearer one only where it is more plausible by this, in logarithms.
 CLEARLY = 0.05
+# What few pixels of a box show, where nothing of that class could be, is something else: least
+# logarithm of share and plausibility. Objects of which a third is seen have -9.
+LEAST_SCORE = -11.0
 # An object that shares so much of its pixels with a surer one waits for that.
 CONTESTED = 0.5
 # So far does the depth of a thing run into what is seen beside it: half a matching window. Pixels
@@ -148,4 +151,4 @@ def _choice(sight: Sight, detection: Detection, frustum: Frustum) -> _Choice | N
         score = float(np.log(frustum.weight[held].sum() / frustum.area)) + plausible
         if best is None or score > best.score + CLEARLY:
             best = _Choice(mode.from_m, to_m, begins_m, score, plausible)
-    return best
+    return None if best is None or best.score < LEAST_SCORE else best

@@ -1,0 +1,123 @@
+"""obstacles and evaluate obstacles: from the command line to tables, resumed, and refused."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import pytest
+
+from pseudolidar.cli import main
+from pseudolidar.errors import LabelError, PseudolidarError
+from pseudolidar.formats.obstacle_json import obstacle_fields, obstacle_of
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory) -> str:
+    """Two small frames of the street as KITTI data, rendered once."""
+    folder = tmp_path_factory.mktemp("street")
+    assert main(["synth", str(folder), "--layout", "object", "--frames", "2", "--width-px", "800"]) == 0
+    return str(folder)
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory, street):
+    out = tmp_path_factory.mktemp("obstacles")
+    assert main(["obstacles", street, str(out), "--detector", "labels"]) == 0
+    return out
+
+
+def lines(out):
+    return [json.loads(line) for line in (out / "obstacles.jsonl").read_text().splitlines()]
+
+
+def test_every_obstacle_has_a_line_in_both_tables(found) -> None:
+    obstacles = lines(found)
+    frames = {one["frame"] for one in obstacles}
+    assert len(frames) == 2
+    for frame in frames:
+        mine = [one for one in obstacles if one["frame"] == frame]
+        distances = [one["distance_m"] for one in mine]
+        assert distances == sorted(distances)
+        assert [one["number"] for one in mine] == list(range(1, len(mine) + 1))
+    with (found / "obstacles.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(obstacles)
+    for row, one in zip(rows, obstacles, strict=True):
+        assert row["class"] == one["class"]
+        assert float(row["distance_m"]) == pytest.approx(one["distance_m"], rel=1e-8)
+        assert float(row["width_m"]) == pytest.approx(one["size_m"][1], rel=1e-8)
+    report = json.loads((found / "report.json").read_text())
+    assert report["figures"]["obstacles"]["mean"] == len(obstacles) / 2
+
+
+def test_an_obstacle_comes_back_from_its_line(found) -> None:
+    for one in lines(found):
+        obstacle = obstacle_of(one, where="here")
+        again = obstacle_fields(
+            obstacle, frame=one["frame"], time_s=one["time_s"], number=one["number"]
+        )
+        assert again | {"points": one["points"]} == one
+    with pytest.raises(LabelError, match="here"):
+        obstacle_of({"class": "Car"}, where="here")
+    broken = lines(found)[0] | {"rotation": [[1, 0, 0], [0, 2, 0], [0, 0, 1]]}
+    with pytest.raises(PseudolidarError, match="rotation"):
+        obstacle_of(broken, where="here")
+
+
+def test_the_same_bytes_after_a_part_of_the_run(street, found, tmp_path) -> None:
+    job = ["obstacles", street, str(tmp_path), "--detector", "labels"]
+    assert main([*job, "--frames", "0:1"]) == 0
+    assert main(job) == 2  # another selection is another run
+    assert main([*job, "--overwrite", "--workers", "1"]) == 0
+    for name in ("obstacles.jsonl", "obstacles.csv"):
+        assert (tmp_path / name).read_bytes() == (found / name).read_bytes()
+    (tmp_path / "obstacles.csv").unlink()
+    assert main(job) == 0  # nothing is left to do but the tables
+    assert (tmp_path / "obstacles.csv").read_bytes() == (found / "obstacles.csv").read_bytes()
+
+
+def test_a_box_on_the_command_line_measures_what_is_in_it(street, found, tmp_path) -> None:
+    one = next(one for one in lines(found) if one["distance_m"] < 30 and not one["truncated"])
+    box = ",".join(f"{value:g}" for value in one["box_px"])
+    frames = f"--frames={int(one['frame'])}"
+    assert main(["obstacles", street, str(tmp_path), frames, "--detector", f"regions:{box}"]) == 0
+    (mine,) = lines(tmp_path)
+    assert mine["distance_m"] == pytest.approx(one["distance_m"], abs=1.0)
+    assert mine["class"] == "region"
+
+
+def told(capsys, *args: str, code: int = 0) -> dict:
+    capsys.readouterr()
+    assert main([*args, "--json"]) == code
+    return json.loads(capsys.readouterr().out)
+
+
+def test_labels_judge_distances_by_band(street, capsys) -> None:
+    found = told(capsys, "evaluate", "obstacles", street, "--detector", "labels")
+    bands = found["bands"]
+    assert [(b["from_m"], b["to_m"]) for b in bands] == [(0, 15), (15, 30), (30, 50), (50, 90)]
+    assert sum(band["missed"] for band in bands) == 0
+    assert bands[1]["n"] >= 5
+    assert bands[1]["median_abs_m"] < 0.5
+    assert bands[1]["median_abs_m"] < found["usual_script"][1]["median_abs_m"]
+    assert found["within_1_sigma"] > 0.6
+    assert found["cars"]["width_median_abs_m"] < 0.2
+    assert len(found["objects"]) >= sum(band["n"] for band in bands)
+
+
+def test_what_has_no_labels_is_refused(drive, capsys, tmp_path) -> None:
+    error = told(capsys, "evaluate", "obstacles", str(drive), "--no-check", code=3)["error"]
+    assert "no frame has labels" in error["got"]
+    job = ("obstacles", str(drive), str(tmp_path), "--no-check", "--on-error", "stop")
+    error = told(capsys, *job, code=3)["error"]
+    assert "has no labels" in error["got"]
+    assert "--detector" in error["fix"]
+
+
+def test_points_alone_have_no_picture(street, capsys, tmp_path) -> None:
+    clouds, out = tmp_path / "c", str(tmp_path / "o")
+    assert main(["convert", street, str(clouds), "--frames", "0:1", "--to", "ply"]) == 0
+    job = ("obstacles", str(clouds / "ply"), out, "--detector", "regions:1,2,3,4")
+    error = told(capsys, *job, code=3)["error"]
+    assert "picture" in error["want"]
