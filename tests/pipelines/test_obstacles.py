@@ -16,7 +16,10 @@ from pseudolidar.formats.obstacle_json import obstacle_fields, obstacle_of
 def street(tmp_path_factory) -> str:
     """Two small frames of the street as KITTI data, rendered once."""
     folder = tmp_path_factory.mktemp("street")
-    assert main(["synth", str(folder), "--layout", "object", "--frames", "2", "--width-px", "800"]) == 0
+    assert (
+        main(["synth", str(folder), "--layout", "object", "--frames", "2", "--width-px", "800"])
+        == 0
+    )
     return str(folder)
 
 
