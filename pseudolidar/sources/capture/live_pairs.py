@@ -99,7 +99,9 @@ class LivePairs(Generic[Made]):
         self._first = self._next = 0
         self._turn = threading.Condition()
         self._end: PseudolidarError | None = None
+        # With a lock of its own: whose turn it is may wait for the cameras, what is done must not.
         self._taken_ns: dict[int, int] = {}
+        self._noting = threading.Lock()
 
     def called(self, summary: SourceSummary, yields: type[Made], rig: StereoRig | None) -> Self:
         """The same under another name: what it makes is told in other words."""
@@ -121,7 +123,7 @@ class LivePairs(Generic[Made]):
         Raises:
             KeyError: it was not taken, or was asked for.
         """
-        with self._turn:
+        with self._noting:
             for old in [old for old in self._taken_ns if old < index]:
                 del self._taken_ns[old]
             return self._taken_ns.pop(index)
@@ -149,7 +151,8 @@ class LivePairs(Generic[Made]):
             while self._next != index and self._end is None:
                 self._turn.wait()
             shots = self._shots(index)
-            self._taken_ns[index] = shots.taken_ns
+            with self._noting:
+                self._taken_ns[index] = shots.taken_ns
             self._next += 1
             self._turn.notify_all()
         return self._make(Taken(shots, self.ids[index], index))
