@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,34 +19,36 @@ from pseudolidar.clouds.normals import Normals
 from pseudolidar.clouds.outliers import Lonely
 from pseudolidar.clouds.thin import Density, Uniform, Voxel
 from pseudolidar.clouds.tool import CloudTools
-from pseudolidar.errors import CameraFault, OutputSettings, UsageError
+from pseudolidar.errors import UsageError
 from pseudolidar.formats.mcap.content import McapContent
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in
 from pseudolidar.running.bad_frames import OnError
-from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME
 from pseudolidar.running.folder import check_usable
-from pseudolidar.running.live.keys import keys
-from pseudolidar.running.live.meter import Meter
 from pseudolidar.running.live.new_views import NewViews
 from pseudolidar.running.live.opening import bare_eyes, opened_bare, opened_cameras, opened_pairs
+from pseudolidar.running.live.preview import (
+    LIVE_NAME,
+    CloudPicture,
+    LivePreview,
+    PairPicture,
+    ShownWhenAsked,
+    ShownWhenEncoded,
+)
+from pseudolidar.running.live.record import Choice, record, words_of
 from pseudolidar.running.live.rehearsed import rehearsed
-from pseudolidar.running.live.saving import EYES, SavePair, saved_pairs
-from pseudolidar.running.live.table import LiveTable
+from pseudolidar.running.live.saving import EYES, SavePair
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.products.encoders import FrameEncoder
 from pseudolidar.running.products.outputs import Outputs
-from pseudolidar.running.products.product import Product
 from pseudolidar.running.products.recording import RecordingPlan
 from pseudolidar.running.products.trees import Trees
 from pseudolidar.running.reports.live_report import LiveReport
-from pseudolidar.running.run import Run
-from pseudolidar.running.stream import live_stream
 from pseudolidar.running.unclaimed import check_unclaimed
-from pseudolidar.sources.capture.cameras import CameraSettings, Capture
+from pseudolidar.sources.capture.cameras import CameraSettings
 from pseudolidar.sources.capture.live_pairs import EveryInterval, LivePairs, OnRequest
 from pseudolidar.sources.folder_layout import list_pictures
 from pseudolidar.sources.rectified import Rectify
@@ -61,7 +62,6 @@ from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 
-Choice = OnRequest | EveryInterval | NewViews
 # A frame that takes longer is skipped; waiting for the cameras is no part of it.
 FRAME_S = 120.0
 
@@ -103,6 +103,8 @@ class Live:
         rectify: how pictures of cameras that are not rectified become rectified ones.
         scale: size at which pairs are matched, of that of the pictures: 0.5 for small computers.
         realtime: play videos as if live.
+        preview: renew OUT/live.jpg about once a second: photo, disparity and cloud from above of
+            the newest frame; with --capture both eyes as they are.
         camera: how cameras are opened and paired.
         matcher: how disparities are found.
         balance: give the right picture the brightness, colours, gamma and vignetting of the left
@@ -148,6 +150,7 @@ class Live:
     rectify: Rectify = field(default_factory=Rectify)
     scale: float = 1.0
     realtime: Annotated[bool, RUN_ONLY] = False
+    preview: Annotated[bool, RUN_ONLY] = False
     camera: Annotated[CameraSettings, RUN_ONLY] = field(default_factory=CameraSettings)
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
     balance: BalanceWhen = "auto"
@@ -218,12 +221,15 @@ def run(job: Live) -> LiveReport:
         source = opened_pairs(job, cameras)
         tell(source)
         recording = RecordingPlan.of(job, source, wanted=job.to.recording)
-        written = (*job.to.folders, *recording.names)
+        written = (*job.to.folders, *recording.names, LIVE_NAME)
         check_unclaimed(job.out, written, overwrite=job.overwrite)
         per_frame = convert_frame(job, source)
         searching = Searching(job.matcher, job.min_depth)
         rehearsed(source, per_frame, check=job.check, searching=searching)
-        return record(job, cameras, source, per_frame, recording)
+        preview = LivePreview(job.out / LIVE_NAME, CloudPicture()) if job.preview else None
+        if preview is not None:
+            per_frame = replace(per_frame, encode=ShownWhenEncoded(per_frame.encode, preview))
+        return record(job, cameras, source, per_frame, recording, preview=preview)
 
 
 def convert_frame(job: Live, source: LivePairs[Any]) -> ConvertFrame:
@@ -245,12 +251,15 @@ def save_pairs(job: Live) -> LiveReport:
     """Only save pairs: by key, by time, or by what is to be seen of a board."""
     check_usable(job.out)
     lying = [path.name for path in list_pictures(job.out)] if job.out.is_dir() else []
-    check_unclaimed(job.out, (*EYES, *lying), overwrite=job.overwrite)
+    check_unclaimed(job.out, (*EYES, *lying, LIVE_NAME), overwrite=job.overwrite)
     by = chosen_by(job)
     with opened_cameras(job) as cameras:
-        source = opened_bare(job, cameras, by)
+        picture = PairPicture(bare_eyes(job), words_of(by))
+        preview = LivePreview(job.out / LIVE_NAME, picture) if job.preview else None
+        wanted = by if preview is None else ShownWhenAsked(by, preview)
+        source = opened_bare(job, cameras, wanted)
         tell(source)
-        return record(job, cameras, source, SavePair(), RecordingPlan(), by=by)
+        return record(job, cameras, source, SavePair(), RecordingPlan(), by=by, preview=preview)
 
 
 def chosen_by(job: Live) -> Choice:
@@ -259,93 +268,3 @@ def chosen_by(job: Live) -> Choice:
         return OnRequest() if job.every is None else EveryInterval(job.every)
     board = Board.of(job.board, job.square, marker_m=job.marker, dictionary=job.dictionary)
     return NewViews(board, bare_eyes(job))
-
-
-def record(
-    job: Live,
-    cameras: Capture,
-    source: LivePairs[Any],
-    per_frame: Callable[[Any], Product],
-    recording: RecordingPlan,
-    *,
-    by: Choice | None = None,
-) -> LiveReport:
-    """Write what workers make of the newest pairs, until the cameras end or somebody says so."""
-    meter, views = Meter(cameras), by if isinstance(by, NewViews) else None
-    actions, words = pressable(cameras, by)
-
-    def told() -> dict[str, Any]:
-        board = {} if views is None else {"board": views.as_dict()}
-        return {"live": meter.figures.as_dict() | board}
-
-    with (
-        keys(actions) as pressed,
-        Run.open(
-            job.out, job, source, products=recording.names, stop=cameras.stop, tell=told
-        ) as run,
-    ):
-        before = held_before(job, run, source)
-        if views is not None:
-            views.remember(saved_pairs(job.out, before))
-        lost: CameraFault | None = None
-        says = None if views is None else lambda: views.words
-        with (
-            recording.open(job.out, before) as log,
-            LiveTable(meter, words if pressed else "", says) as table,
-        ):
-            cameras.begin()
-            meter.begin()
-            if job.seconds is not None:
-                cameras.end_after(job.seconds)
-            outcomes = live_stream(source, per_frame, crew=job.crew, in_flight=run.in_flight)
-            try:
-                for frame in run.good_live(outcomes, table):
-                    with run.held():
-                        log.append(frame.id, frame.value.parts)
-                        run.commit(timed(frame, meter.done(source.taken_ns(frame.index))))
-            except CameraFault as fault:  # the recording is completed all the same
-                lost = fault
-        if lost is not None:
-            raise lost
-    text = "" if views is None else views.words
-    return LiveReport(run.result(), meter.figures, job.out, to_open(job, recording), text)
-
-
-def pressable(cameras: Capture, by: Choice | None) -> tuple[dict[str, Callable[[], None]], str]:
-    """What keys do, by character, and the same in words."""
-    if isinstance(by, OnRequest):
-        saving = {" ": by.request, "\n": by.request}
-        return {"q": cameras.stop, **saving}, "space saves a pair, q ends"
-    return {"q": cameras.stop}, "q ends"
-
-
-def to_open(job: Live, recording: RecordingPlan) -> tuple[Path, ...]:
-    """What there is to open: folders of files and recordings, else the output folder."""
-    opens = [job.out / folder for folder in job.to.folders if job.capture is None]
-    opens += [job.out / name for name in recording.names]
-    return tuple(path for path in opens if path.exists()) or (job.out,)
-
-
-def timed(frame: Done[Product], latency_s: float) -> Done[Product]:
-    """The frame with its latency among its figures."""
-    figures = frame.value.figures | {"latency_s": round(latency_s, 4)}
-    return replace(frame, value=replace(frame.value, figures=figures))
-
-
-def held_before(job: Live, run: Run, source: LivePairs[Any]) -> tuple[str, ...]:
-    """Number new frames after those of an earlier run in the folder; ids of its finished ones.
-
-    Raises:
-        OutputSettings: videos would begin anew behind what is there.
-    """
-    records = run.records()
-    if records and job.realtime:
-        raise OutputSettings(
-            f"the folder holds {len(records)} frames already, and videos begin anew",
-            want="an empty folder, or cameras, which add to it",
-            fix="Choose another output folder, or pass --overwrite.",
-            path=job.out,
-        )
-    numbers = [record.index for record in records if record.index is not None]
-    source.go_on_after(max(numbers, default=-1) + 1)
-    return tuple(record.id for record in records if record.skipped is None)

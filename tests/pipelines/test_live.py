@@ -126,8 +126,11 @@ def uneven(rig: StereoRig) -> StereoRig:
 def test_the_clouds_are_those_of_convert(videos: Path, tmp_path: Path, change) -> None:
     write_whole_rig(tmp_path / "rig.json", change(read_rig(videos / "rig.json")))
     rig = tmp_path / "rig.json"
-    report = run(job(videos, tmp_path / "live", rig=rig))
+    report = run(job(videos, tmp_path / "live", rig=rig, preview=True))
     assert report.exit_code == 0
+    picture = cv2.imread(str(tmp_path / "live/live.jpg"))
+    assert picture.shape[0] > 100
+    assert picture.std() > 20
     every = Convert(
         recognise(str(videos)), tmp_path / "all", to=Outputs.parse("pcd"), rig=rig, check=False
     )
@@ -443,6 +446,9 @@ def test_no_picture_of_anybody_is_written_over(videos: Path, tmp_path: Path) -> 
         with pytest.raises(UsageError, match="no run has written it"):
             run(saving)
     assert mine.read_bytes() == b"mine"
-    mine.rename(tmp_path / "left0.png")  # folders left and right would hide it
+    mine.rename(tmp_path / "live.jpg")
+    with pytest.raises(UsageError, match="no run has written it"):
+        run(job(videos, tmp_path))
+    (tmp_path / "live.jpg").rename(mine := tmp_path / "left0.png")  # left/ and right/ would hide it
     with pytest.raises(UsageError, match="no run has written it"):
         run(job(videos, Path("out"), capture=tmp_path, every=0.1))

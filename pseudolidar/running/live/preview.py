@@ -1,0 +1,191 @@
+"""`live.jpg`: what a live run sees and makes at the moment, renewed about once a second.
+
+Drawing has a thread of its own, so that no frame waits for it; what is newer than the last picture
+gives way to what is newer still. Image viewers that look at the file again show a film.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Generic, Self, TypeVar
+
+import numpy as np
+
+from pseudolidar.errors import PseudolidarError, printable
+from pseudolidar.evaluation.captions import write_on
+from pseudolidar.formats.atomic import write_atomic
+from pseudolidar.formats.pictures.image import encode_jpeg
+from pseudolidar.running.products.converted import Converted
+from pseudolidar.running.products.preview import JPEG_QUALITY, PreviewArtist, Scales
+from pseudolidar.running.products.product import Product
+from pseudolidar.sources.capture.eyes import Eyes
+from pseudolidar.sources.capture.live_pairs import Wanted
+from pseudolidar.sources.capture.shots import ShotPair
+from pseudolidar.sources.video.packing import halved_px
+from pseudolidar.structures.arrays import Image, UInt8
+
+_log = logging.getLogger(__name__)
+Shown = TypeVar("Shown")
+LIVE_NAME = "live.jpg"
+# Between two pictures. Drawing one takes 31 ms of a core.
+PAUSE_S = 1.0
+# Width of an eye where pairs are only saved; height of the bar with words below both, px.
+EYE_PX, BAR_PX = 640, 30
+WORDS_PX, WORDS_SIZE = (8, 20), 0.4
+
+
+class LivePreview(Generic[Shown]):
+    """Draws the newest of what it is shown into a file, until the block ends.
+
+    Args:
+        path: of the picture.
+        draw: to the bytes of the file.
+        pause_s: between two pictures.
+    """
+
+    def __init__(
+        self, path: Path, draw: Callable[[Shown], bytes], *, pause_s: float = PAUSE_S
+    ) -> None:
+        self._path, self._draw, self._pause_s = path, draw, pause_s
+        self._newest: tuple[int, Shown] | None = None
+        self._drawn = -1
+        self._lock, self._stop = threading.Lock(), threading.Event()
+        self._thread = threading.Thread(target=self._renew, name="preview", daemon=True)
+
+    def show(self, number: int, what: Shown) -> None:
+        """Have this drawn, unless something newer was shown already; from any thread.
+
+        Args:
+            number: larger for what is newer.
+            what: to draw.
+        """
+        with self._lock:
+            if number > (self._drawn if self._newest is None else self._newest[0]):
+                self._newest = number, what
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._stop.set()
+        self._thread.join()
+
+    def _renew(self) -> None:
+        try:
+            while not self._stop.is_set():
+                pause_s = self._pause_s if self._once() else self._pause_s / 10
+                self._stop.wait(pause_s)
+            self._once()  # the last frame stays to be looked at
+        except PseudolidarError as error:  # a run is worth more than its preview
+            _log.warning("no more previews: %s", printable(str(error)))
+
+    def _once(self) -> bool:
+        """Draw what is new; whether there was something."""
+        with self._lock:
+            newest, self._newest = self._newest, None
+            if newest is None:
+                return False
+            self._drawn = newest[0]
+        write_atomic(self._path, self._draw(newest[1]))
+        return True
+
+
+class CloudPicture:
+    """Draws a frame as the preview of `convert` does: photo, disparity, and the cloud from above.
+
+    Scales are those of the first frame, so that colours and lengths mean the same in all.
+    """
+
+    def __init__(self) -> None:
+        self._artist: PreviewArtist | None = None
+
+    def __call__(self, converted: Converted) -> bytes:
+        """The picture as a JPEG."""
+        if self._artist is None:
+            self._artist = PreviewArtist(Scales.of(converted), "photo")
+        return self._artist.draw(converted)
+
+
+@dataclass(frozen=True)
+class PairPicture:
+    """Draws a pair as the cameras take it, both eyes side by side, with words below.
+
+    Args:
+        eyes: how left and right are found.
+        words: what there is to say at the moment.
+    """
+
+    eyes: Eyes
+    words: Callable[[], str] | None = None
+
+    def __call__(self, shots: ShotPair) -> bytes:
+        """The picture as a JPEG."""
+        whole_px, layout = shots.shots[0].size_px, self.eyes.layout
+        wide_px, _ = whole_px if layout is None else halved_px(whole_px, layout)
+        small = replace(self.eyes, scale=min(1.0, EYE_PX / wide_px))
+        left, right, _ = small.pair(shots)
+        eyes = [_labelled(pixels, name) for pixels, name in ((left, "left"), (right, "right"))]
+        height = max(len(eye) for eye in eyes)
+        row = np.hstack([np.pad(eye, ((0, height - len(eye)), (0, 0), (0, 0))) for eye in eyes])
+        bar = np.zeros((BAR_PX, row.shape[1], 3), np.uint8)
+        if self.words is not None:
+            write_on(bar, self.words(), WORDS_PX, WORDS_SIZE)
+        return encode_jpeg(np.vstack([row, bar]), JPEG_QUALITY)
+
+
+@dataclass(frozen=True)
+class ShownWhenEncoded:
+    """Encodes a frame and shows it.
+
+    Args:
+        encode: to the bytes of its outputs.
+        preview: where it is shown.
+    """
+
+    encode: Callable[[Converted], Product]
+    preview: LivePreview[Converted]
+
+    def __call__(self, converted: Converted) -> Product:
+        """What is written of the frame."""
+        product = self.encode(converted)
+        self.preview.show(converted.frame.index, converted)
+        return product
+
+
+@dataclass(frozen=True)
+class ShownWhenAsked:
+    """Shows each pair that it is asked about.
+
+    Args:
+        wanted: which pairs are saved.
+        preview: where all of them are shown.
+    """
+
+    wanted: Wanted
+    preview: LivePreview[ShotPair]
+
+    def __call__(self, shots: ShotPair) -> bool:
+        """Whether to save it."""
+        wanted = self.wanted(shots)
+        self.preview.show(shots.time_ns, shots)
+        return wanted
+
+
+def _labelled(pixels: Image, name: str) -> UInt8:
+    """A copy in colours of 8 bits, with its name in the corner."""
+    eight = pixels if pixels.dtype == np.uint8 else pixels >> 8
+    colours = eight if eight.ndim == 3 else np.repeat(eight[..., None], 3, axis=2)
+    labelled = np.array(colours, np.uint8)
+    write_on(labelled, name, (8, 18))
+    return labelled
