@@ -127,6 +127,21 @@ def test_pairs_alone_find_what_is_better_by_truth(capsys, tmp_path):
     assert best["d1_filled"] < first["d1_filled"] + 0.001
 
 
+@pytest.mark.slow
+def test_pairs_alone_bring_sgbm_nearer_to_the_truth(capsys, tmp_path):
+    """Nearer on average; which settings have fewer outliers pairs do not tell for SGBM."""
+    room = ("synthetic:room:10", "--source.seed", "11", "--source.width-px", "320")
+    line = ("tune", *room, "--matcher", "sgbm", "--by", "pairs", "--candidates", 60)
+    report = told(capsys, *line, "--budget", "20m", "--out", tmp_path / "blind.json")
+    assert (report["by"], report["improved"]) == ("pairs", True)
+    other = ("synthetic:room:4", "--source.seed", "30", "--source.width-px", "640")
+    first = told(capsys, "evaluate", "disparity", *other, "--matcher", "sgbm")
+    best = told(capsys, "evaluate", "disparity", *other, "--settings", tmp_path / "blind.json")
+    assert best["epe"] < 0.8 * first["epe"]
+    assert best["d1_filled"] < first["d1_filled"] + 0.001
+    assert best["density"] > first["density"] - 0.01
+
+
 def test_a_stopped_search_keeps_the_best_and_goes_on(capsys, tmp_path):
     out, journal = tmp_path / "s.json", tmp_path / "s.trials.jsonl"
     line = ["tune", *ROOM, *SMALL, "--out", str(out)]

@@ -15,6 +15,7 @@ from pseudolidar.running.tuning.space import Candidate, Space
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.map_filter import FilteredMatcher, MapFilters
 from tests.sources.middlebury_layouts import motorcycle as motorcycle_folder
+from tests.sources.middlebury_layouts import motorcycle_half
 from tests.stereo.motorcycle import DISPARITIES, motorcycle
 
 pytestmark = pytest.mark.real
@@ -35,6 +36,21 @@ def test_settings_of_a_rendered_room_are_better_on_the_motorcycle(real_data, tmp
     assert best["d1_est"] < first["d1_est"] - 0.003
     assert best["d1_filled"] < first["d1_filled"]
     assert best["epe"] < 0.95 * first["epe"]
+    assert best["density"] > first["density"] - 0.03
+
+
+def test_half_of_a_picture_helps_the_other_half(real_data, tmp_path, capsys):
+    upper, lower = (
+        motorcycle_half(real_data, tmp_path / half / "Motorcycle", half)
+        for half in ("upper", "lower")
+    )
+    out = tmp_path / "settings.json"
+    told(capsys, "tune", upper, "--candidates", 40, "--budget", "10m", "--out", out)
+    first = told(capsys, "evaluate", "disparity", lower)
+    best = told(capsys, "evaluate", "disparity", lower, "--settings", out)
+    assert best["d1_est"] < first["d1_est"] - 0.003
+    assert best["d1_filled"] < first["d1_filled"]
+    assert best["epe"] < 0.9 * first["epe"]
     assert best["density"] > first["density"] - 0.03
 
 
