@@ -134,6 +134,7 @@ def test_pairs_alone_bring_sgbm_nearer_to_the_truth(capsys, tmp_path):
     line = ("tune", *room, "--matcher", "sgbm", "--by", "pairs", "--candidates", 60)
     report = told(capsys, *line, "--budget", "20m", "--out", tmp_path / "blind.json")
     assert (report["by"], report["improved"]) == ("pairs", True)
+    assert any("hardly tell outliers of SGBM" in each for each in report["warnings"])
     other = ("synthetic:room:4", "--source.seed", "30", "--source.width-px", "640")
     first = told(capsys, "evaluate", "disparity", *other, "--matcher", "sgbm")
     best = told(capsys, "evaluate", "disparity", *other, "--settings", tmp_path / "blind.json")

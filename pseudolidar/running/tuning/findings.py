@@ -24,6 +24,12 @@ from pseudolidar.running.settings_json import (
 from pseudolidar.running.table import table_text
 from pseudolidar.running.tuning.space import Candidate
 
+# Measured on rendered worlds and Middlebury's motorcycle; docs/decisions.md has the figures.
+PAIRS_TELL_LITTLE = (
+    "pairs alone hardly tell outliers of {kind}: use these settings on scenes like SOURCE only, or "
+    "tune by truth or scans, or --matcher census"
+)
+
 
 @dataclass(frozen=True)
 class Figures:
@@ -83,6 +89,17 @@ class Found:
     def improved(self) -> bool:
         """Whether they are other settings than the first."""
         return self.candidate != self.start
+
+    def doubts(self, by: str) -> tuple[str, ...]:
+        """What speaks against settings that were judged so.
+
+        Args:
+            by: what they were compared with: truth, scan or pairs.
+        """
+        matcher = self.candidate.matcher
+        if not self.improved or by != "pairs" or not matcher.compares_brightness:
+            return ()
+        return (PAIRS_TELL_LITTLE.format(kind=type(matcher).__name__.upper()),)
 
     @property
     def losses(self) -> dict[str, Any]:
