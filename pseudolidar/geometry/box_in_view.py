@@ -36,6 +36,13 @@ def outline_px(box: Box3D, camera: Camera) -> tuple[float, float, float, float] 
     return float(left), float(top), float(right), float(bottom)
 
 
+def across_m(box: Box3D) -> float:
+    """How wide a box is as seen from the camera: its extent across the line of sight, level."""
+    x, _, z = box.pose.translation_m
+    sideways = np.array([z, 0.0, -x]) / np.hypot(x, z)
+    return float(np.ptp(box.corners_m() @ sideways))
+
+
 def _faces() -> Float64:
     """(N, 3) points on the faces of a cube of edge 1 about the origin."""
     at = np.linspace(-0.5, 0.5, ALONG)

@@ -16,16 +16,13 @@ UPRIGHT_M = (0.25, 1.3)
 LEAST_IN_BAND, LEAST_PIXELS = 0.1, 10
 # Directions that are told apart, and pixels of each.
 MOST_BEARINGS, LEAST_PER_BEARING = 48, 2
-# Bumpers, mirrors and arms stand out of sides: the side of a box is where this share of the points
-# of a direction is nearer.
-FRONT = 0.2
+# Bumpers, mirrors and arms stand out of sides: the side of a box around what is round is where this
+# share of the points of a direction is nearer; of flat things, where half are.
+FRONT, FLAT = 0.2, 0.5
 # Pixels of a square with this side are matched by much the same windows and share their errors.
 PATCH_PX = 9.0
-# Faces of a box around a thing lie so far before its surface, which is round at its corners:
-# that of 22 objects of KITTI to 30 m, by the LiDAR (median), m.
-SET_BACK_M = 0.1
-# Unevenness of surfaces that boxes stand for, m.
-ROUGHNESS_M = 0.1
+# Unevenness of flat things, m.
+LEAST_ROUGH_M = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +53,13 @@ def upright_part(pixels: Frustum) -> Frustum:
     return pixels[inside] if np.count_nonzero(inside) >= enough else pixels
 
 
-def contour_of(pixels: Frustum, bearing: Float64) -> Contour:
+def contour_of(pixels: Frustum, bearing: Float64, round_m: float) -> Contour:
     """The near side of an object.
 
     Args:
         pixels: N of it, N > 0.
         bearing: (N,) x / z of each.
+        round_m: how far the surface lies behind the faces of a box around it.
     """
     low, high = float(bearing.min()), float(bearing.max())
     count = int(np.clip(len(np.unique(bearing)), 1, MOST_BEARINGS))
@@ -70,7 +68,8 @@ def contour_of(pixels: Frustum, bearing: Float64) -> Contour:
     starts = np.searchsorted(bins[order], np.arange(count + 1))
     sizes = np.diff(starts)
     kept = np.flatnonzero(sizes >= min(LEAST_PER_BEARING, int(sizes.max())))
-    front = order[starts[kept] + (FRONT * sizes[kept]).astype(int)]
-    sigma = np.hypot(pixels.sigma_m[front], ROUGHNESS_M)
+    share = FRONT if round_m else FLAT
+    front = order[starts[kept] + (share * sizes[kept]).astype(int)]
+    sigma = np.hypot(pixels.sigma_m[front], max(round_m, LEAST_ROUGH_M))
     independent = float(np.clip(len(pixels) / PATCH_PX**2, 1.0, len(front)))
-    return Contour(bearing[front], pixels.depth_m[front] - SET_BACK_M, sigma, independent)
+    return Contour(bearing[front], pixels.depth_m[front] - round_m, sigma, independent)

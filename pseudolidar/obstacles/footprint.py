@@ -115,9 +115,11 @@ def _footprint(
     jacobian = _jacobian(one, left, contour, edges, size)[0]
     weights = 1.0 / np.sqrt(1.0 + (residuals / BENT) ** 2)
     information = (jacobian * weights[:, None]).T @ jacobian
-    covariance = np.linalg.inv(information + 1e-9 * np.eye(5))
     seen = residuals[: len(contour)] * np.sqrt(len(contour) / contour.independent)
-    return Footprint(values, covariance, float(np.sqrt(np.mean(seen * seen))))
+    misfit = float(np.sqrt(np.mean(seen * seen)))
+    # What is no rectangle is not known as well as one: the Birge ratio.
+    covariance = np.linalg.inv(information + 1e-9 * np.eye(5)) * max(1.0, misfit) ** 2
+    return Footprint(values, covariance, misfit)
 
 
 def _starts(contour: Contour, size: ClassSize, near_m: float) -> Float64:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pseudolidar.geometry.box_in_view import nearest_depth_m
-from pseudolidar.obstacles.class_sizes import size_of_class
+from pseudolidar.obstacles.class_sizes import ClassSize, size_of_class
 from pseudolidar.obstacles.contour import contour_of, upright_part
 from pseudolidar.obstacles.footprint import Edges, Footprint, fitted
 from pseudolidar.obstacles.frustum import Frustum
@@ -23,8 +23,9 @@ from pseudolidar.structures.camera import LEFT_FRAME
 from pseudolidar.structures.obstacle import Obstacle
 from pseudolidar.structures.pose import Pose
 
-# What counts as the face of a thing: bumpers, mirrors, arms; m.
-FACE_M = 0.15
+# What counts as the face of a thing (bumpers, mirrors, arms) is unsure by so many times how round
+# it is, and of flat things by this, m.
+FACE_ROUNDS, FACE_M = 1.5, 0.01
 # Something nearer fills this share of the box of what is occluded.
 OCCLUDED_SHARE = 0.1
 # Pixels well inside of the box are used alone where there are so many.
@@ -56,7 +57,7 @@ def _obstacle(sight: Sight, detection: Detection, owned: Owned, R: Float64) -> O
     footprint = _footprint(sight, detection, pixels, R)
     span = upright_span(sight, detection, pixels, footprint.nearest_m)
     box = _box(footprint, span, R, _shared_m(sight, footprint.nearest_m))
-    distance_m, sigma_m = _distance(sight, box, footprint)
+    distance_m, sigma_m = _distance(sight, box, footprint, size_of_class(detection.name))
     filled = min(1.0, float(owned.pixels.weight.sum()) / (WELL_FILLED * owned.pixels.area))
     confidence = detection.score * filled * float(np.exp(0.5 * owned.log_plausible))
     return Obstacle(
@@ -85,9 +86,9 @@ def _footprint(sight: Sight, detection: Detection, pixels: Frustum, R: Float64) 
         depth_m=xyz[:, 2],
         sigma_m=_own_sigma(sight, upright) * xyz[:, 2] / upright.depth_m,
     )
-    contour = contour_of(level, xyz[:, 0] / xyz[:, 2])
-    near_m = float(np.quantile(contour.depth_m, 0.1))
     size = size_of_class(detection.name)
+    contour = contour_of(level, xyz[:, 0] / xyz[:, 2], size.round_m)
+    near_m = float(np.quantile(contour.depth_m, 0.1))
     return fitted(contour, _edges(sight, detection, xyz, R), size, near_m)
 
 
@@ -141,10 +142,13 @@ def _box_sigma(footprint: Footprint, span: Span, shared_m: float) -> Float64:
     return np.array([*centre, span.sigma_middle_m, *of_size, span.sigma_height_m])
 
 
-def _distance(sight: Sight, box: Box3D, footprint: Footprint) -> tuple[float, float]:
+def _distance(
+    sight: Sight, box: Box3D, footprint: Footprint, size: ClassSize
+) -> tuple[float, float]:
     distance_m = nearest_depth_m(box, sight.camera) or footprint.nearest_m
     shared_m = _shared_m(sight, distance_m)
-    sigma_m = float(np.sqrt(footprint.sigma_nearest_m**2 + shared_m**2 + FACE_M**2))
+    face_m = max(FACE_M, FACE_ROUNDS * size.round_m)
+    sigma_m = float(np.sqrt(footprint.sigma_nearest_m**2 + shared_m**2 + face_m**2))
     return distance_m, sigma_m
 
 
