@@ -52,7 +52,7 @@ def alone(job: Live) -> float:
     """Seconds of the work on one frame, nothing else being done here; median of five."""
     with opened_cameras(job) as cameras:
         source = opened_pairs(job, cameras)
-        per_frame, frame = convert_frame(job, source), source.specimen()
+        per_frame, (frame, _) = convert_frame(job, source), source.specimen()
         times = []
         for _ in range(1 + 5):
             begin_s = time.perf_counter()

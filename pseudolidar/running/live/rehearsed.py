@@ -18,6 +18,8 @@ from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import StereoFrame
 
 _log = logging.getLogger(__name__)
+# How long to wait for a pair: pictures of two moments would look like a rig that is off.
+PAIR_S = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +78,11 @@ def rehearsed(
         PairSwapped, NotRectified: the pairs would make no metres.
         CalibrationSizeMismatch, PairMismatch: the pictures are of another size.
     """
-    frame = source.specimen()
+    frame, of_one_moment = source.specimen(within_s=PAIR_S if check else 0.0)
+    if check and not of_one_moment:
+        _log.warning("check: the eyes have shown no two pictures of one moment: not looked at")
     specimen = Specimen(source.summary, frame)
-    preflight(specimen, wanted=check, crew=CrewPlan(1), searching=searching)
+    wanted = check and of_one_moment
+    preflight(specimen, wanted=wanted, crew=CrewPlan(1), searching=searching)
     with contextlib.suppress(PseudolidarError):  # a lens cap may be on still
         per_frame(frame)

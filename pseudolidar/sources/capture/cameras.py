@@ -174,6 +174,10 @@ class Capture:
         """
         return self._buffer.seen()
 
+    def pair_seen(self, within_s: float) -> ShotPair | None:
+        """The newest pair of one moment, None where none comes in time; it is not taken."""
+        return self._buffer.pair_seen(within_s)
+
     def begin(self) -> Self:
         """Count from now on; videos, which have shown their first picture, are played."""
         if self._played:

@@ -11,6 +11,7 @@ from typing import Generic, Self, TypeVar
 from pseudolidar.errors import CaptureEnded, PseudolidarError
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.sources.capture.cameras import Capture
+from pseudolidar.sources.capture.eye_pairing import LARGEST_TOLERANCE_NS
 from pseudolidar.sources.capture.shots import ShotPair
 from pseudolidar.sources.source import SourceSummary
 from pseudolidar.structures.camera import StereoRig
@@ -128,13 +129,23 @@ class LivePairs(Generic[Made]):
                 del self._taken_ns[old]
             return self._taken_ns.pop(index)
 
-    def specimen(self) -> Made:
-        """What a frame would be of the last picture of each camera, of whatever moment.
+    def specimen(self, *, within_s: float = 0.0) -> tuple[Made, bool]:
+        """What a frame would be, and whether both eyes see one moment in it.
+
+        It is made of the last picture of each camera, and where those are of different moments, of
+        the newest pair, if there is one in time.
+
+        Args:
+            within_s: how long to wait for a pair.
 
         Raises:
             CaptureEnded, CameraFault: there is no picture.
         """
-        return self._make(Taken(self._capture.seen(), self.ids[self._next], self._next))
+        shots = self._capture.seen()
+        if shots.apart_ns > LARGEST_TOLERANCE_NS:
+            shots = self._capture.pair_seen(within_s) or shots
+        made = self._make(Taken(shots, self.ids[self._next], self._next))
+        return made, shots.apart_ns <= LARGEST_TOLERANCE_NS
 
     def stop(self) -> None:
         """No further frame is wanted."""

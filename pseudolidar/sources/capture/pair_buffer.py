@@ -47,6 +47,7 @@ class PairBuffer:
         self._eyes = self._pairing.eyes
         self._patience_s, self._kept = patience_s, kept
         self._pairs: deque[ShotPair] = deque()
+        self._newest: ShotPair | None = None  # of all that were formed, taken or not
         self._formed = self._dropped = self._taken = 0
         self._widest_ns = 0
         self._error: BaseException | None = None
@@ -126,6 +127,17 @@ class PairBuffer:
                 self._changed.wait(LOOK_S)
             return ShotPair(tuple(eye.latest for eye in self._eyes if eye.latest is not None))
 
+    def pair_seen(self, within_s: float) -> ShotPair | None:
+        """The newest pair of one moment; waits a while for one, takes none; None without one."""
+        deadline_s = time.monotonic() + within_s
+        with self._changed:
+            while self._newest is None and not self._stopped:
+                left_s = deadline_s - time.monotonic()
+                if left_s <= 0:
+                    break
+                self._changed.wait(min(LOOK_S, left_s))
+            return self._newest
+
     def forget(self) -> None:
         """Begin to count: what came so far was only looked at."""
         with self._changed:
@@ -193,6 +205,7 @@ class PairBuffer:
         for pair in formed:
             self._formed += 1
             self._widest_ns = max(self._widest_ns, pair.apart_ns)
+            self._newest = pair
             self._pairs.append(pair)
             if len(self._pairs) > self._kept:
                 self._pairs.popleft()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import threading
 from pathlib import Path
 
+import pytest
+
 from pseudolidar.sources.bare_pairs import BarePair
 from pseudolidar.sources.capture.cameras import Cameras, CameraSettings
 from pseudolidar.sources.capture.eyes import Bare, Eyes
@@ -54,3 +56,23 @@ def test_a_finished_frame_does_not_wait_for_the_pair_that_another_worker_waits_f
         finally:
             told.set()
             next_one.join(PATIENCE_S)
+
+
+@pytest.mark.parametrize(("late_ms", "together"), [(0, True), (4, True), (30, False)])
+def test_what_is_looked_at_before_the_start_is_told_to_be_of_one_moment_or_not(
+    tmp_path: Path, late_ms: int, together: bool
+) -> None:
+    """Videos are held at their first pictures: there is no pair to wait for yet."""
+    ticks = [late_ms + 20 * number for number in range(3)]
+    left, right = write_eyes(tmp_path, *eyes(3), right_ticks=ticks)
+    with Cameras(str(left), str(right), True).open() as capture:
+        source = LivePairs(
+            capture,
+            Bare(Eyes()),
+            yields=BarePair,
+            summary=SourceSummary("cameras", str(left), "cameras"),
+            rig=None,
+        )
+        frame, of_one_moment = source.specimen(within_s=0.1)
+    assert isinstance(frame, BarePair)
+    assert of_one_moment is together

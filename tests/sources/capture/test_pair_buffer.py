@@ -204,3 +204,12 @@ def test_the_interval_is_that_of_the_last_pictures() -> None:
     pairs = fed(buffer(), list(np.arange(0, 500, 50.0)), [0, 100])
     assert pairs.counts.eyes[0].interval_s == 0.05
     assert pairs.counts.as_dict()["cameras"]["right"]["interval_s"] == 0.1
+
+
+def test_what_is_looked_at_first_is_of_one_moment_although_one_eye_is_ahead() -> None:
+    pairs = fed(buffer(), [0, 100], [1, 101, 201])
+    newest = pairs.pair_seen(0.0)
+    assert [one.stamp.time_ns for one in newest.shots] == [100 * MS, 101 * MS]
+    assert [one.stamp.time_ns for one in pairs.seen().shots] == [100 * MS, 201 * MS]
+    assert pairs.counts.waiting == 1  # none was taken
+    assert fed(buffer(), [0], [50]).pair_seen(0.0) is None
