@@ -123,20 +123,14 @@ def unmasked(disparity: DisparityMap, mask: PairMask | None) -> DisparityMap:
     """The disparities whose pixel in the left and match in the right picture show something."""
     if mask is None:
         return disparity
-    values = disparity.values
-    rows, columns = np.nonzero(np.isfinite(values))
-    matches = np.rint(columns - values[rows, columns]).astype(np.int64)
-    inside = (matches >= 0) & (matches < values.shape[1])
-    shown = mask.left[rows, columns] & inside
-    shown &= mask.right[rows, np.where(inside, matches, 0)]
-    kept = np.zeros(values.shape, np.bool_)
-    kept[rows[shown], columns[shown]] = True
-    sigma = disparity.sigma
-    return replace(
-        disparity,
-        values=np.where(kept, values, np.float32(np.nan)),
-        sigma=None if sigma is None else np.where(kept, sigma, np.float32(np.nan)),
-    )
+    from pseudolidar.geometry.mask_kernels import drop_unshown
+
+    values = disparity.values.copy()
+    sigma = None if disparity.sigma is None else disparity.sigma.copy()
+    none = np.empty((0, 0), np.float32)
+    left, right = (np.ascontiguousarray(shown) for shown in (mask.left, mask.right))
+    drop_unshown(values, none if sigma is None else sigma, left, right)
+    return replace(disparity, values=values, sigma=sigma)
 
 
 @dataclass(frozen=True, eq=False)

@@ -116,7 +116,8 @@ class MatchFrame:
         matched = unmasked(self.matcher(frame), frame.mask)
         check_texture(frame, matched, least=self.least_density)
         refined, counts = self.refine(frame, matched)
-        refined = unmasked(refined, frame.mask)  # filling and fusing know nothing of the mask
+        if refined is not matched:  # filling and fusing know nothing of the mask
+            refined = unmasked(refined, frame.mask)
         cleaned = self.clean(frame, refined)
         return replace(cleaned, counts={**counts, **cleaned.counts})
 

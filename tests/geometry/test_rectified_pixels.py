@@ -141,3 +141,24 @@ def test_disparities_need_both_pixels():
     assert np.isfinite(got.sigma).sum() == 2
     plain = DisparityMap(values)
     assert unmasked(plain, None) is plain
+
+
+def test_the_kernel_of_masks_does_what_numpy_does():
+    rng = np.random.default_rng(4)
+    values = rng.uniform(-4, 40, (60, 80)).astype(np.float32)
+    values[rng.random(values.shape) < 0.2] = np.nan
+    values[::3] = np.floor(values[::3]) + np.float32(0.5)  # half way between two pixels
+    sigma = np.full(values.shape, 0.3, np.float32)
+    left, right = rng.random((2, *values.shape)) < 0.7
+    rows, columns = np.indices(values.shape)
+    matches = np.rint(columns - np.nan_to_num(values)).astype(np.int64)
+    shown = np.isfinite(values) & left & (matches >= 0) & (matches < 80)
+    shown &= right[rows, np.clip(matches, 0, 79)]
+    before = values.copy()
+    got = unmasked(DisparityMap(values, sigma), PairMask(left, right))
+    np.testing.assert_array_equal(got.values, np.where(shown, values, np.float32(np.nan)))
+    np.testing.assert_array_equal(got.sigma, np.where(shown, sigma, np.float32(np.nan)))
+    np.testing.assert_array_equal(values, before)
+    plain = unmasked(DisparityMap(values, None), PairMask(left, right))
+    assert plain.sigma is None
+    np.testing.assert_array_equal(plain.values, got.values)

@@ -60,8 +60,8 @@ class Outputs:
         asked = [kind for kind in self.kinds if kind in (*MAPS, *TREES)]
         if asked and source.yields is BodyFrame:
             raise NoPairs(
-                f"frames of several pairs: {source.summary.line}",
-                want=f"one pair a frame for --to {','.join(asked)}",
+                f"--to {','.join(asked)} of several pairs a frame: {source.summary.line}",
+                want="pairs of pictures, in one view each",
                 fix=f"Leave {' and '.join(asked)} out of --to; or convert the folder of one pair, "
                 "or one view (--rectify.views 1).",
                 path=source.summary.path,
