@@ -34,6 +34,8 @@ from pseudolidar.sources.capture.stamps import Clock
 V4L2 = "v4l2"
 # What libav may read of a stream before it says what is in it: its default is 5 s of live pictures.
 PROBED_BYTES, PROBED_US = 1_000_000, 500_000
+# What to do about a pipe or a network address.
+SENDER = "Check what sends it, then run the same command again: it adds to what is there."
 # Dated by libav's guess of 25 pictures a second where a video says nothing.
 GUESSED_RATE = Fraction(25)
 
@@ -184,7 +186,7 @@ class CameraStream:
         return CameraUnavailable(
             getattr(error, "strerror", None) or str(error),
             want="a camera that can be opened",
-            fix=fixes.get(number, "") if self.address.kind == "device" else "Check what sends it.",
+            fix=fixes.get(number, "") if self.address.kind == "device" else SENDER,
             path=place,
         )
 
@@ -192,13 +194,15 @@ class CameraStream:
         import av
 
         reason = getattr(error, "strerror", None) or str(error)
+        fix = "" if self.address.kind == "device" else SENDER
         if isinstance(error, av.error.ExitError | TimeoutError):
             return CameraStalled(
                 f"nothing came for {self.patience_s:g} s",
                 want="a stream that goes on",
+                fix=fix,
                 path=self.address.place,
             )
-        return CameraLost(reason, want="a camera that stays", path=self.address.place)
+        return CameraLost(reason, want="a camera that stays", fix=fix, path=self.address.place)
 
 
 def _is_dated(track: Any) -> bool:
