@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import resource
 import select
 import signal
 import subprocess
@@ -26,12 +27,14 @@ from pseudolidar.errors import (
     CalibrationSizeMismatch,
     CameraUnavailable,
     EyesApart,
+    OutputError,
     OutputSettings,
     PairIdentical,
     PairSwapped,
     SourceEmpty,
     UsageError,
 )
+from pseudolidar.formats.atomic import is_temporary
 from pseudolidar.formats.mcap.log import frames_in, part_path
 from pseudolidar.formats.points.pcd import read_pcd
 from pseudolidar.formats.rigs.rig_json import read_rig
@@ -435,6 +438,26 @@ def test_a_camera_that_ends_for_good_leaves_whole_files_and_says_so(tmp_path: Pa
     assert report_of(out)["exit_code"] == 5
     assert len(frames_in(out / "pipe.mcap")) == report_of(out)["committed"] >= 3
     assert not part_path(out / "pipe.mcap").exists()
+
+
+def test_a_full_disk_ends_it_with_whole_files(videos: Path, tmp_path: Path) -> None:
+    """A file may grow to four frames of the recording: each cloud fits in."""
+    out = tmp_path / "out"
+
+    def limited() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (600_000, 600_000))
+
+    process = child(
+        videos / "left.mkv", videos / "right.mkv", out, "--realtime", "--to", "pcd,mcap",
+        "--camera.kept", FRAMES, "--no-check", "--preview", "--json", preexec_fn=limited,
+    )  # fmt: skip
+    said, told = process.communicate(timeout=100)
+    assert process.returncode == OutputError.exit_code == 5, told
+    assert json.loads(said)["error"]["code"] == "OutputError"
+    clouds = sorted((out / "pcd").iterdir())
+    assert len(clouds) == report_of(out)["committed"] < FRAMES
+    assert all(len(read_pcd(path)) > 1000 for path in clouds)
+    assert not [path for path in out.rglob("*") if is_temporary(path.name)]
 
 
 def test_no_picture_of_anybody_is_written_over(videos: Path, tmp_path: Path) -> None:
