@@ -97,7 +97,19 @@ def _quantile(levels: Float64, counted: Float64, share: float) -> Float64:
     total = counted[:, -1]
     place = share * np.maximum(total - 1, 0)
     low, high = (
-        levels[np.minimum((counted <= rank[:, None]).sum(axis=1), len(levels) - 1)]
+        levels[np.minimum(_counted_up_to(counted, rank), len(levels) - 1)]
         for rank in (np.floor(place), np.ceil(place))
     )
     return np.where(total > 0, low + (place - np.floor(place)) * (high - low), np.nan)
+
+
+def _counted_up_to(counted: Float64, rank: Float64) -> Int64:
+    """(resamples,) how many of a row's counts, which never fall, are at most its rank: bisected."""
+    rows = np.arange(len(counted))
+    low, high = np.zeros(len(counted), np.int64), np.full(len(counted), counted.shape[1], np.int64)
+    while (apart := low < high).any():
+        middle = (low + high) // 2
+        below = counted[rows, np.minimum(middle, counted.shape[1] - 1)] <= rank
+        low = np.where(apart & below, middle + 1, low)
+        high = np.where(apart & ~below, middle, high)
+    return low
