@@ -43,10 +43,11 @@ lint: $(VENV)/installed-dev ## style, types, imports
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# Files of tests are dealt out to so many processes.
+# Files of tests are dealt out to so many processes, in the order that tests/conftest.py gives them:
+# what takes long first.
 PROCESSES ?= 2
 test: lint ## lint, then all tests
-	$(BIN)/python -m pytest --numprocesses $(PROCESSES) --dist loadfile
+	$(BIN)/python -m pytest --numprocesses $(PROCESSES) --dist loadfile --no-loadscope-reorder
 
 format: $(VENV)/installed-dev ## format the code and mend what can be mended
 	$(BIN)/ruff check --fix .

@@ -13,7 +13,20 @@ from tests.rerun_program import Rerun
 __all__ = ["assert_same_cloud", "make_cloud", "without_columns"]
 
 ROOT = Path(__file__).resolve().parent.parent
+# Files that take long: they go first, so that none of them is left to one process at the end.
+LONG_FIRST = ("test_wheel.py", "test_notebooks.py", "pipelines", "real")
 DATA = Path(os.environ.get("PSEUDOLIDAR_DATA", ROOT.parent / "shared" / "data")).resolve()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put what takes long first; the order is else kept."""
+    tests = ROOT / "tests"
+
+    def turn(item: pytest.Item) -> int:
+        part = item.path.relative_to(tests).parts[0] if item.path.is_relative_to(tests) else ""
+        return LONG_FIRST.index(part) if part in LONG_FIRST else len(LONG_FIRST)
+
+    items.sort(key=turn)
 
 
 @pytest.fixture(scope="session")
