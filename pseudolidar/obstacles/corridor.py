@@ -1,0 +1,199 @@
+"""The nearest thing in a corridor ahead, whatever it is: what a vehicle must not run into."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from pseudolidar.errors import UsageError
+from pseudolidar.formats.text import NUMBER
+from pseudolidar.obstacles.level import level_axes, turned
+from pseudolidar.obstacles.sight import Sight
+from pseudolidar.structures.arrays import Float64
+
+# Lower than this above the ground a wheel runs over things, m.
+CLEARANCE_M = 0.2
+# A thing is what fills this square at one depth, m, and so many pixels.
+LEAST_SIDE_M, LEAST_PIXELS = 0.15, 12
+# One depth: this, and so many sigmas.
+THICK_M, THICK_SIGMAS = 0.3, 2.0
+# Points of a thing nearer than its front: this share.
+FRONT = 0.1
+# Pixels of a square with this side share their errors.
+PATCH_PX = 9.0
+# An approach is told of so many of the last frames.
+FRAMES, LEAST_FRAMES = 6, 3
+# A nearest thing that jumps by more sigmas than this is another one.
+SAME_SIGMAS = 4.0
+
+
+@dataclass(frozen=True)
+class Corridor:
+    """A box ahead of the camera, written `WIDTHxHEIGHTxLENGTH`, m.
+
+    It is as wide to both sides. Where there is a ground its height is above that, from 0.2 m on;
+    else half of it is above the camera.
+
+    Args:
+        width_m: across.
+        height_m: upwards.
+        length_m: ahead.
+    """
+
+    width_m: float
+    height_m: float
+    length_m: float
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """From `2x2x30`.
+
+        Raises:
+            UsageError: not three numbers above 0.
+        """
+        parts = text.lower().split("x")
+        good = len(parts) == 3 and all(NUMBER.fullmatch(part) for part in parts)
+        if not good or min(float(part) for part in parts) <= 0:
+            raise UsageError(f"{text!r}", want="WIDTHxHEIGHTxLENGTH in m, such as 2x2x30")
+        width_m, height_m, length_m = (float(part) for part in parts)
+        return cls(width_m, height_m, length_m)
+
+    def __str__(self) -> str:
+        return f"{self.width_m:g}x{self.height_m:g}x{self.length_m:g}"
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """The nearest thing in a corridor.
+
+    Args:
+        distance_m: Z of its front.
+        sigma_m: one standard deviation.
+        points: pixels that show it.
+        across_m: where it is, to the right of the camera.
+        up_m: above the camera.
+    """
+
+    distance_m: float
+    sigma_m: float
+    points: int
+    across_m: float
+    up_m: float
+
+    def nearer_than(self, limit_m: float) -> float:
+        """How sure it is nearer than this, 0-1, errors taken for normal."""
+        return 0.5 * math.erfc((self.distance_m - limit_m) / (math.sqrt(2.0) * self.sigma_m))
+
+
+def nearest_ahead(sight: Sight, corridor: Corridor) -> Ahead | None:
+    """The nearest thing in the corridor; None where nothing is seen in it.
+
+    A thing is what has enough pixels at one depth for a square of 15 cm: single pixels are none.
+    """
+    xyz, sigma_m = _inside(sight, corridor)
+    if len(xyz) < LEAST_PIXELS:
+        return None
+    order = np.argsort(xyz[:, 2], kind="stable")
+    xyz, sigma_m = xyz[order], sigma_m[order]
+    z = xyz[:, 2]
+    until = np.searchsorted(z, z + THICK_M + THICK_SIGMAS * sigma_m, side="right")
+    counts = until - np.arange(len(z))
+    K = sight.camera.K
+    wanted = np.maximum(LEAST_PIXELS, LEAST_SIDE_M**2 * K[0, 0] * K[1, 1] / z**2)
+    enough = np.flatnonzero(counts >= wanted)
+    if not len(enough):
+        return None
+    first = int(enough[0])
+    thing = slice(first, int(until[first]))
+    front = first + int(FRONT * counts[first])
+    shared_m = sight.shared_per_depth_squared * float(z[front]) ** 2
+    own = math.sqrt(max(float(sigma_m[front]) ** 2 - shared_m**2, 0.0))
+    independent = max(1.0, float(counts[first]) / PATCH_PX**2)
+    x, y, _ = np.median(xyz[thing], axis=0)
+    return Ahead(
+        float(z[front]),
+        math.hypot(own / math.sqrt(independent), shared_m, 0.01),
+        int(counts[first]),
+        float(x),
+        float(-y),
+    )
+
+
+def _inside(sight: Sight, corridor: Corridor) -> tuple[Float64, Float64]:
+    """(N, 3) points of the corridor in level axes, and (N,) their sigma, m."""
+    known = sight.depth.valid & (sight.depth.values < 1.5 * corridor.length_m)
+    if sight.is_ground is not None:
+        known &= ~sight.is_ground
+    xyz = turned(level_axes(sight), sight.xyz[known])
+    sigma = sight.depth.sigma
+    sigma_m = np.zeros(len(xyz)) if sigma is None else sigma[known].astype(np.float64)
+    up = -xyz[:, 1]
+    if sight.ground is not None:
+        up = up + sight.ground.offset_m
+        low_m, high_m = CLEARANCE_M, corridor.height_m
+    else:
+        low_m, high_m = -0.5 * corridor.height_m, 0.5 * corridor.height_m
+    inside = (np.abs(xyz[:, 0]) <= 0.5 * corridor.width_m) & (xyz[:, 2] <= corridor.length_m)
+    inside &= (up > low_m) & (up < high_m)
+    return xyz[inside], sigma_m[inside]
+
+
+@dataclass(frozen=True)
+class Approach:
+    """How fast the nearest thing comes nearer.
+
+    Args:
+        closing_m_s: above 0 where it comes nearer.
+        sigma_m_s: one standard deviation.
+        contact_s: until it is reached, as fast as now; None where it does not come nearer.
+        sigma_contact_s: one standard deviation of that.
+    """
+
+    closing_m_s: float
+    sigma_m_s: float
+    contact_s: float | None
+    sigma_contact_s: float | None
+
+
+def approach(times_s: Sequence[float], seen: Sequence[Ahead | None]) -> Approach | None:
+    """The approach of the nearest thing over the last frames; None where it is a new one.
+
+    A straight line through its last distances. What the rig's calibration leaves is the same in
+    all of them and does not count.
+
+    Args:
+        times_s: of the frames up to now.
+        seen: the nearest thing of each.
+    """
+    chosen: list[tuple[float, Ahead]] = []
+    for time_s, one in zip(reversed(times_s[-FRAMES:]), reversed(seen[-FRAMES:]), strict=True):
+        if one is None or (chosen and not _same(chosen[-1][1], one, chosen[-1][0] - time_s)):
+            break
+        chosen.append((time_s, one))
+    if len(chosen) < LEAST_FRAMES:
+        return None
+    t = np.array([time_s for time_s, _ in chosen])
+    d = np.array([one.distance_m for _, one in chosen])
+    weight = np.array([one.sigma_m**-2 for _, one in chosen])
+    t = t - (weight * t).sum() / weight.sum()
+    spread = float((weight * t * t).sum())
+    if spread <= 0:
+        return None
+    closing = -float((weight * t * d).sum()) / spread
+    sigma = spread**-0.5
+    last = chosen[0][1]
+    if closing <= sigma:
+        return Approach(closing, sigma, None, None)
+    contact_s = last.distance_m / closing
+    relative = math.hypot(sigma / closing, last.sigma_m / last.distance_m)
+    return Approach(closing, sigma, contact_s, contact_s * relative)
+
+
+def _same(later: Ahead, earlier: Ahead, seconds: float) -> bool:
+    """Whether both may be one thing: no jump beyond their errors and any likely speed."""
+    reach_m = SAME_SIGMAS * math.hypot(later.sigma_m, earlier.sigma_m) + 40.0 * max(0.0, seconds)
+    return abs(later.distance_m - earlier.distance_m) <= reach_m
