@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import logging
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
 from pseudolidar.clouds.ground_fit import GroundFit
+from pseudolidar.errors import UsageError
 from pseudolidar.formats.atomic import write_atomic
+from pseudolidar.formats.pictures.image import encode_png
 from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.formats.timestamps import NS_PER_S
+from pseudolidar.obstacles.corridor import Corridor, near_mask, nearest_ahead
 from pseudolidar.obstacles.detector import Detector
 from pseudolidar.obstacles.labels import Labels
 from pseudolidar.obstacles.measure import measured
@@ -19,8 +25,16 @@ from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
+from pseudolidar.running.journal.record import OutputFile
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
+from pseudolidar.running.products.corridor_table import (
+    Watched,
+    ahead_figures,
+    ahead_of,
+    encode_corridor,
+    watched,
+)
 from pseudolidar.running.products.found import FOUND_FOLDER, Found, found_file, read_found
 from pseudolidar.running.products.obstacle_tables import encode_csv, encode_jsonl
 from pseudolidar.running.products.product import Product
@@ -41,7 +55,7 @@ from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.recorded import Frame
 
 _log = logging.getLogger(__name__)
-TABLES = ("obstacles.jsonl", "obstacles.csv")
+TABLES, CORRIDOR, NEAR_FOLDER = ("obstacles.jsonl", "obstacles.csv"), "corridor.csv", "near"
 
 
 @dataclass(frozen=True)
@@ -56,18 +70,25 @@ class Obstacles:
         pseudolidar obstacles training out --detector labels --rig rig.json
         pseudolidar obstacles 2011_09_26_drive_0002_sync out --detector regions:boxes.csv
         pseudolidar obstacles left.mp4 out --right right.mp4 --detector regions:480,180,512,202
+        pseudolidar obstacles drive.mcap out --corridor 2x2x30 --stop-at 3
 
     Args:
         source: pairs: KITTI data, folders, videos, a recording, synthetic:NAME; or pictures with
             their depth.
         out: output folder.
-        detector: what says where objects are.
+        detector: what says where objects are; `none` to watch the corridor alone.
         matcher: how disparities are found.
         balance: give the right picture the brightness, colours, gamma and vignetting of the left
             one before matching: `auto` for matchers that compare brightness (all but census) where
             the eyes differ, `always`, `never`.
         clean: what is removed of the disparities because it is no surface; `none` keeps all.
         ground: how the ground is looked for; `none` where there is none, as in flight.
+        corridor: watch a corridor ahead, WIDTHxHEIGHTxLENGTH in m, and tell the nearest thing in
+            it, whatever it is, how fast it comes nearer, and when it is reached: corridor.csv.
+        stop_at: end the run, with exit code 10, at the first frame in which something in the
+            corridor is nearer than this, m.
+        near: write near/ID.png for each frame: white where something that is no ground is nearer
+            than this, m.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         exclude: not these.
         rig: calibration that replaces the source's cameras: a rig.json, OpenCV YAML, XML or JSON,
@@ -89,11 +110,14 @@ class Obstacles:
 
     source: Annotated[Source, Recognised(recognise)]
     out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out")
-    detector: Labels | Regions = field(default_factory=Labels)
+    detector: Labels | Regions | None = field(default_factory=Labels)
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
     balance: BalanceWhen = "auto"
     clean: Clean | None = field(default_factory=Clean)
     ground: GroundFit | None = field(default_factory=GroundFit)
+    corridor: Corridor | None = None
+    stop_at: Annotated[float | None, RUN_ONLY] = None
+    near: float | None = None
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
     rig: Path | None = None
@@ -107,6 +131,16 @@ class Obstacles:
     timeout: Annotated[float, RUN_ONLY] = FRAME_TIMEOUT_S
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
     overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+
+    def __post_init__(self) -> None:
+        for name in ("stop_at", "near"):
+            value = getattr(self, name)
+            if value is not None and not 0 < value < math.inf:
+                raise UsageError(f"{value:g} m", want="above 0", where=f"--{name}")
+        if self.stop_at is not None and self.corridor is None:
+            raise UsageError(
+                "--stop-at without a corridor", want="one", fix="Add --corridor 2x2x30."
+            )
 
     @property
     def crew(self) -> CrewPlan:
@@ -124,8 +158,10 @@ def run(job: Obstacles) -> ObstaclesReport:
     source = opened(job)
     check_usable(job.out)
     per_frame = ObstaclesFrame.of(job, source)
-    check_apart(job.out, paths_read(job.source), (FOUND_FOLDER, *TABLES), overwrite=job.overwrite)
-    with Run.open(job.out, job, source, products=TABLES) as run:
+    products = (*TABLES, *([CORRIDOR] if job.corridor else []))
+    folders = (FOUND_FOLDER, *([NEAR_FOLDER] if job.near else []))
+    check_apart(job.out, paths_read(job.source), (*folders, *products), overwrite=job.overwrite)
+    with Run.open(job.out, job, source, products=products) as run:
         settled = run.settled(source.ids)
         run.check(
             wanted=job.check and len(settled) < len(source.ids),
@@ -135,8 +171,11 @@ def run(job: Obstacles) -> ObstaclesReport:
         outcomes = stream(source, per_frame, crew=job.crew, skip=settled, in_flight=run.in_flight)
         for frame in run.good(outcomes):
             run.commit(frame)
+            if is_too_near(job, frame.value.figures):
+                break
         write_tables(job.out, run)
-    return ObstaclesReport(run.result(), job.out, tuple(job.out / name for name in TABLES))
+        corridor = write_corridor(job, run, source)
+    return ObstaclesReport(run.result(), job.out, written(job), corridor, job.stop_at)
 
 
 @dataclass(frozen=True)
@@ -145,11 +184,15 @@ class ObstaclesFrame:
 
     Args:
         sight: frame to depth and ground.
-        detect: says where objects are.
+        detect: says where objects are; None where nothing is asked.
+        corridor: what is watched, if anything.
+        near_m: things nearer than this get a mask; None for none.
     """
 
     sight: SightFrame
-    detect: Detector
+    detect: Detector | None
+    corridor: Corridor | None = None
+    near_m: float | None = None
 
     @classmethod
     def of(cls, job: Obstacles, source: FrameSequence[Frame]) -> ObstaclesFrame:
@@ -162,7 +205,8 @@ class ObstaclesFrame:
             balance=job.balance,
             min_depth_m=job.min_depth,
         )
-        return cls(SightFrame.of(match, job.ground), job.detector.load())
+        detect = None if job.detector is None else job.detector.load()
+        return cls(SightFrame.of(match, job.ground), detect, job.corridor, job.near)
 
     def __call__(self, frame: Frame) -> Product:
         """Find, and encode what was found.
@@ -171,7 +215,11 @@ class ObstaclesFrame:
             PseudolidarError: as `found`.
         """
         found = self.found(frame)
-        return Product((found_file(found),), figures=figures(found))
+        files = [found_file(found)]
+        if self.near_m is not None:
+            mask = near_mask(found.seen.sight, self.near_m)
+            files.append(OutputFile.of(f"{NEAR_FOLDER}/{frame.id}.png", encode_png(mask)))
+        return Product(tuple(files), figures=figures(found))
 
     def found(self, frame: Frame) -> Found:
         """Match, reproject, detect, measure; the nearest obstacle first.
@@ -181,9 +229,11 @@ class ObstaclesFrame:
             LabelError: the detector has nothing to go by.
         """
         seen = self.sight(frame)
-        obstacles = measured(seen.sight, self.detect(seen.sight))
+        detections = () if self.detect is None else self.detect(seen.sight)
+        obstacles = measured(seen.sight, detections)
         nearest_first = sorted(obstacles, key=lambda obstacle: obstacle.distance_m)
-        return Found(frame, seen, tuple(nearest_first))
+        ahead = None if self.corridor is None else nearest_ahead(seen.sight, self.corridor)
+        return Found(frame, seen, tuple(nearest_first), ahead)
 
 
 def figures(found: Found) -> dict[str, Any]:
@@ -194,7 +244,13 @@ def figures(found: Found) -> dict[str, Any]:
     }
     if found.obstacles:
         told["nearest_m"] = found.obstacles[0].distance_m
-    return told
+    return told | ahead_figures(found.ahead)
+
+
+def is_too_near(job: Obstacles, figures: Mapping[str, Any]) -> bool:
+    """Whether something in the corridor of a frame is nearer than `stop_at`."""
+    ahead = ahead_of(figures)
+    return job.stop_at is not None and ahead is not None and ahead.distance_m < job.stop_at
 
 
 def write_tables(folder: Path, run: Run) -> None:
@@ -203,6 +259,29 @@ def write_tables(folder: Path, run: Run) -> None:
     obstacles = [one for record in records for one in read_found(folder, record)]
     for name, encode in zip(TABLES, (encode_jsonl, encode_csv), strict=True):
         write_atomic(folder / name, encode(obstacles))
+
+
+def write_corridor(
+    job: Obstacles, run: Run, source: FrameSequence[Frame]
+) -> tuple[Watched, ...] | None:
+    """The corridor of all frames, in the order of the source; None where none is watched."""
+    if job.corridor is None:
+        return None
+    time_s = {
+        name: time_ns / NS_PER_S
+        for name, time_ns in zip(source.ids, source.timestamps_ns, strict=True)
+    }
+    frames = watched(
+        [(one.id, time_s[one.id], one.figures) for one in run.records() if one.skipped is None]
+    )
+    write_atomic(job.out / CORRIDOR, encode_corridor(frames))
+    return frames
+
+
+def written(job: Obstacles) -> tuple[Path, ...]:
+    """What there is to open."""
+    names = [*TABLES, *([CORRIDOR] if job.corridor else []), *([NEAR_FOLDER] if job.near else [])]
+    return tuple(job.out / name for name in names)
 
 
 def opened(job: Obstacles) -> FrameSequence[Frame]:

@@ -13,7 +13,7 @@ from pseudolidar.errors import UsageError
 from pseudolidar.formats.text import NUMBER
 from pseudolidar.obstacles.level import level_axes, turned
 from pseudolidar.obstacles.sight import Sight
-from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.arrays import Float64, UInt8
 
 # Lower than this above the ground a wheel runs over things, m.
 CLEARANCE_M = 0.2
@@ -121,6 +121,14 @@ def nearest_ahead(sight: Sight, corridor: Corridor) -> Ahead | None:
         float(x),
         float(-y),
     )
+
+
+def near_mask(sight: Sight, nearer_than_m: float) -> UInt8:
+    """(H, W) 255 where something that is no ground is nearer than this, else 0."""
+    near = np.nan_to_num(sight.depth.values, nan=np.inf) < nearer_than_m
+    if sight.is_ground is not None:
+        near &= ~sight.is_ground
+    return np.where(near, np.uint8(255), np.uint8(0))
 
 
 def _inside(sight: Sight, corridor: Corridor) -> tuple[Float64, Float64]:

@@ -124,3 +124,21 @@ def test_points_alone_have_no_picture(street, capsys, tmp_path) -> None:
     job = ("obstacles", str(clouds / "ply"), out, "--detector", "regions:1,2,3,4")
     error = told(capsys, *job, code=3)["error"]
     assert "picture" in error["want"]
+
+
+def test_a_corridor_stops_a_robot(street, tmp_path, capsys) -> None:
+    job = ("obstacles", street, str(tmp_path), "--detector", "none", "--corridor", "6x2x60")
+    found = told(capsys, *job, "--near", "15")
+    nearest = found["corridor"]["nearest"]
+    assert 2 < nearest["distance_m"] < 60
+    rows = list(csv.DictReader((tmp_path / "corridor.csv").open()))
+    assert [row["frame"] for row in rows] == ["000000", "000001"]
+    assert min(float(row["distance_m"]) for row in rows) == pytest.approx(
+        nearest["distance_m"], rel=1e-5
+    )
+    assert len(list((tmp_path / "near").glob("*.png"))) == 2
+    limit = str(nearest["distance_m"] + 1)
+    found = told(capsys, *job, "--near", "15", "--stop-at", limit, code=10)
+    assert found["corridor"]["too_near"]["sure"] > 0.5
+    error = told(capsys, "obstacles", street, str(tmp_path), "--stop-at", "3", code=2)["error"]
+    assert "--corridor" in error["fix"]

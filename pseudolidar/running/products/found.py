@@ -13,6 +13,7 @@ import numpy as np
 from pseudolidar.errors import LabelError
 from pseudolidar.formats.obstacle_json import obstacle_fields, obstacle_of
 from pseudolidar.formats.timestamps import NS_PER_S
+from pseudolidar.obstacles.corridor import Ahead
 from pseudolidar.running.folder import inside
 from pseudolidar.running.journal.record import FrameRecord, OutputFile
 from pseudolidar.running.sighting import Seen
@@ -32,11 +33,13 @@ class Found:
         frame: as its source had it.
         seen: depth, ground and cloud.
         obstacles: the nearest first.
+        ahead: the nearest thing in the corridor that is watched, if one is.
     """
 
     frame: Frame
     seen: Seen
     obstacles: tuple[Obstacle, ...]
+    ahead: Ahead | None = None
 
     @property
     def cloud(self) -> PointCloud:

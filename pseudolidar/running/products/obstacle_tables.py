@@ -35,6 +35,13 @@ def encode_csv(obstacles: Iterable[Mapping[str, Any]]) -> bytes:
     rows = csv.writer(text, lineterminator="\n")
     rows.writerow([name for name, _, _ in COLUMNS])
     for one in obstacles:
-        values = (one[field] if at is None else one[field][at] for _, field, at in COLUMNS)
-        rows.writerow([f"{v:.9g}" if isinstance(v, float) else v for v in values])
+        values = ((field, one[field] if at is None else one[field][at]) for _, field, at in COLUMNS)
+        rows.writerow([_cell(field, value) for field, value in values])
     return text.getvalue().encode()
+
+
+def _cell(field: str, value: Any) -> Any:
+    """A number as text: times to a microsecond, all else to nine digits."""
+    if not isinstance(value, float):
+        return value
+    return f"{value:.6f}" if field == "time_s" else f"{value:.9g}"

@@ -6,7 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pseudolidar.running.products.corridor_table import Watched
 from pseudolidar.running.results import RunResult
+
+# Exit code where something in the corridor is nearer than --stop-at: a robot must stop.
+TOO_NEAR = 10
 
 
 @dataclass(frozen=True)
@@ -17,21 +21,58 @@ class ObstaclesReport:
         result: frames, figures and times.
         out: output folder.
         tables: files with all obstacles.
+        corridor: the nearest thing of each frame; None where no corridor was watched.
+        stop_at_m: what may not be nearer than this.
     """
 
     result: RunResult
     out: Path
     tables: tuple[Path, ...]
+    corridor: tuple[Watched, ...] | None = None
+    stop_at_m: float | None = None
+
+    @property
+    def too_near(self) -> Watched | None:
+        """The first frame in which something in the corridor was too near."""
+        return next(
+            (
+                one
+                for one in self.corridor or ()
+                if self.stop_at_m is not None
+                and one.ahead is not None
+                and one.ahead.distance_m < self.stop_at_m
+            ),
+            None,
+        )
+
+    @property
+    def nearest(self) -> Watched | None:
+        """The frame with the nearest thing in the corridor."""
+        seen = [(one.ahead.distance_m, one) for one in self.corridor or () if one.ahead is not None]
+        return min(seen, key=lambda pair: pair[0])[1] if seen else None
 
     @property
     def exit_code(self) -> int:
-        """0 all done, 4 some frames skipped, 130 or 143 stopped."""
-        return self.result.exit_code
+        """10 something is too near; else 0 all done, 4 some frames skipped, 130 or 143 stopped."""
+        return self.result.exit_code if self.too_near is None else TOO_NEAR
 
     def as_dict(self) -> dict[str, Any]:
         """Counts, figures, times and where the results are."""
         where = {"out": str(self.out), "tables": [str(path) for path in self.tables]}
-        return {**self.result.as_dict(), **where}
+        corridor = {} if self.corridor is None else {"corridor": self._corridor()}
+        return {**self.result.as_dict(), **where, **corridor, "exit_code": self.exit_code}
+
+    def _corridor(self) -> dict[str, Any]:
+        told: dict[str, Any] = {"stop_at_m": self.stop_at_m}
+        for name, one in (("nearest", self.nearest), ("too_near", self.too_near)):
+            told[name] = one and {
+                "frame": one.frame,
+                "time_s": one.time_s,
+                **vars(one.ahead),
+                "approach": one.approach and dict(vars(one.approach)),
+                "sure": self.stop_at_m and one.ahead and one.ahead.nearer_than(self.stop_at_m),
+            }
+        return told
 
     def text(self) -> str:
         """The same for people, and what to open."""
@@ -42,5 +83,32 @@ class ObstaclesReport:
             lines.append(f"  {count['mean']:.1f} obstacles a frame, at most {count['max']:.0f}")
         if "nearest_m" in figures:
             lines.append(f"  the nearest at {figures['nearest_m']['min']:.2f} m")
+        lines += self._corridor_lines()
         tables = (path for path in self.tables if path.exists())
         return "\n".join([*lines, *(f"  {path}" for path in tables)])
+
+    def _corridor_lines(self) -> list[str]:
+        if self.corridor is None:
+            return []
+        if self.nearest is None:
+            return ["  nothing is seen in the corridor"]
+        lines = [f"  nearest in the corridor: {_told(self.nearest)}"]
+        one = self.too_near
+        if one is not None and one.ahead is not None and self.stop_at_m is not None:
+            sure = one.ahead.nearer_than(self.stop_at_m)
+            lines.append(
+                f"  STOP: nearer than {self.stop_at_m:g} m ({sure:.0%} sure): {_told(one)}"
+            )
+        return lines
+
+
+def _told(one: Watched) -> str:
+    assert one.ahead is not None  # those that are told have something ahead
+    line = f"{one.ahead.distance_m:.2f} +- {one.ahead.sigma_m:.2f} m, frame {one.frame}"
+    if one.approach is None:
+        return line
+    line += f", closing at {one.approach.closing_m_s:.1f} +- {one.approach.sigma_m_s:.1f} m/s"
+    if one.approach.contact_s is None:
+        return line
+    sigma_s = one.approach.sigma_contact_s or 0.0
+    return f"{line}, reached in {one.approach.contact_s:.1f} +- {sigma_s:.1f} s"
