@@ -9,11 +9,18 @@ import numpy as np
 import pytest
 
 from pseudolidar.calibration.overlap import Overlap, Sight, Trust
-from pseudolidar.calibration.overlap_fit import PlaceFound, places_found
+from pseudolidar.calibration.overlap_fit import (
+    PlaceFound,
+    _Doubt,
+    about_place,
+    moved_by,
+    places_found,
+)
 from pseudolidar.calibration.overlap_partners import Partners, all_partners, partners_of
 from pseudolidar.calibration.overlap_trust import spread_of
 from pseudolidar.errors import OverlapInsufficient
 from pseudolidar.geometry.frames import BASE_LINK
+from pseudolidar.geometry.twists import exp_twist
 from pseudolidar.structures.body import BodyRig
 from pseudolidar.structures.pose import Pose
 from tests.body_rigs import MOUNTS, body_rig, exact_cloud, off_by, perturbed
@@ -209,3 +216,17 @@ def test_slices_hold_each_point_once_with_all_its_rows_side_by_side() -> None:
     assert [part.count for part in slices] == [3, 2]
     assert [part.residual_m[::3].tolist() for part in slices] == [[9, 3, 6], [12, 0]]
     assert slices[1].residual_m.tolist() == [12, 13, 14, 0, 1, 2]
+
+
+def test_a_turn_about_the_body_moves_a_pair_that_stands_far_from_its_origin() -> None:
+    """Shift and turn of a place by a twist of the body are what the poses before and after say."""
+    matrix = body_rig()["left"].T_base_link_left.matrix.copy()
+    matrix[:3, 3] = 2.0, -3.0, 1.0
+    place = Pose(BASE_LINK, "camera_left", matrix)
+    twist = 1e-4 * np.array([1.0, -2.0, 3.0, 4.0, 5.0, -6.0])
+    after = Pose(BASE_LINK, "camera_left", exp_twist(twist) @ matrix)
+    seen = np.concatenate(moved_by(place, after))
+    np.testing.assert_allclose(about_place(place) @ twist, seen, rtol=0, atol=5e-6)
+    # What points tell of the twist and what slices of them spread by are two errors.
+    told = _Doubt.of(place, np.diag(np.full(6, 9.0)), np.full(6, 4.0), slice(0, 6))
+    np.testing.assert_allclose(told.sigma[3:], 5.0)
