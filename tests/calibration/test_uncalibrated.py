@@ -22,6 +22,9 @@ from pseudolidar.geometry.rectified_pixels import PairMaps
 from pseudolidar.geometry.twists import exp_twist
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census
+from pseudolidar.structures.camera import Camera, StereoRig
+from pseudolidar.structures.disparity import DisparityMap
+from pseudolidar.structures.pose import Pose
 
 SIZE_PX, FOCAL_PX = (640, 480), 500.0
 K = np.array([[FOCAL_PX, 0, 319.5], [0, FOCAL_PX, 239.5], [0, 0, 1.0]])
@@ -241,3 +244,21 @@ def test_a_known_baseline_and_pixels_that_show_nothing(room):
         seen_scale(KnownDistance.parse("box:300,200,340,240=2"), plan, nothing)
     with pytest.raises(CalibrationValue, match="outside"):
         seen_scale(KnownDistance.parse("box:300,200,3400,240=2"), plan, nothing)
+
+
+def test_pixels_of_a_known_distance_are_those_of_the_picture_as_it_was_taken():
+    """Rectified, the left picture is turned by 8 degrees: 60 px at this focal length."""
+    K = np.array([[420.0, 0, 319.5], [0, 420, 239.5], [0, 0, 1]])
+    eyes = Camera(K, 640, 480), Camera(K, 640, 480, frame="camera_right")
+    T_right_left = np.eye(4)
+    T_right_left[:3, :3] = turn((0.0, 16.0, 0.0))
+    T_right_left[:3, 3] = turn((0.0, 8.0, 0.0)) @ np.array([-0.2, 0.0, 0.0])
+    plan = rectification(StereoRig(*eyes, Pose("camera_right", "camera_left", T_right_left)))
+    u, v = 300.0, 200.0
+    flat = plan.rig.left.K @ plan.R_left @ np.linalg.inv(K) @ np.array([u, v, 1.0])
+    column = flat[0] / flat[2]
+    ramp = np.tile(5 + 0.1 * np.arange(640, dtype=np.float32), (480, 1))
+    known = KnownDistance.parse(f"box:{u - 4},{v - 4},{u + 4},{v + 4}=3")
+    scale = seen_scale(known, plan, DisparityMap(ramp))
+    assert abs(column - u) > 30
+    assert scale.metres == pytest.approx(3 * (5 + 0.1 * column) / plan.rig.fB_px_m, rel=0.02)
