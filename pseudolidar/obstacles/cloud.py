@@ -1,0 +1,117 @@
+"""Things without an image detector: what stands on the ground, by its points alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pseudolidar.errors import UsageError
+from pseudolidar.obstacles.birds_eye_cells import Cells
+from pseudolidar.obstacles.sight import Sight
+from pseudolidar.obstacles.spots import heights_m, spots_of
+from pseudolidar.structures.arrays import Bool, Float32
+from pseudolidar.structures.box import Detection
+
+THING = "thing"
+# Sigma of depths that a source does not tell, as that of a disparity, px; and of one camera over
+# the square of the depth, 1/m (that of a good depth camera).
+UNTOLD_PX, UNTOLD_PER_DEPTH_SQUARED = 0.3, 0.002
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """Whatever stands out of the ground, of any class: points near one another, seen from above.
+
+    Args:
+        reach: what is nearer to each other than this is one thing, m; farther away the error of
+            depths is added.
+        least: smallest thing, the larger of its width and its height, m.
+        least_pixels: that a thing has.
+        above: points lower than this above the ground make no thing, m: kerbs, grass.
+        rise: a thing is at least so high above the ground, m.
+        highest: points higher than this above the ground belong to nothing, m: tree tops, bridges.
+        farthest: distance to which things are looked for, m.
+    """
+
+    reach: float = 0.4
+    least: float = 0.3
+    least_pixels: int = 60
+    above: float = 0.3
+    rise: float = 0.5
+    highest: float = 2.3
+    farthest: float = 60.0
+
+    def __post_init__(self) -> None:
+        for name in ("reach", "least", "least_pixels", "rise", "highest", "farthest"):
+            if not getattr(self, name) > 0:
+                raise UsageError(f"{name} {getattr(self, name)}", want="more than 0", where=name)
+        if not 0 <= self.above < self.highest:
+            raise UsageError(
+                f"above {self.above:g} m", want=f"0 to {self.highest:g} m, `highest`", where="above"
+            )
+
+    def load(self) -> CloudThings:
+        """The detector."""
+        return CloudThings(self)
+
+
+@dataclass(frozen=True)
+class CloudThings:
+    """Finds things by their points.
+
+    Args:
+        settings: what counts as one.
+    """
+
+    settings: Cloud
+
+    def __call__(self, sight: Sight) -> tuple[Detection, ...]:
+        """Things, the nearest first, each with its pixels; without depth there are none."""
+        depth, heights = sight.depth.values, heights_m(sight)
+        standing = _standing(sight, heights) & (depth < self.settings.farthest)
+        if not standing.any():
+            return ()
+        cells = Cells.of(sight, self.settings.reach, _own_per_depth_squared(sight))
+        filled = standing
+        if heights is not None:
+            standing = standing & (heights < self.settings.highest)
+            filled = standing & (heights > self.settings.above)
+        numbers = cells.clusters(depth, standing, filled)
+        focal_px = float(sight.camera.K[1, 1])
+        found = []
+        for spot in spots_of(numbers):
+            z = float(np.median(depth[spot.rows, spot.columns][spot.inside]))
+            if spot.pixels < self.settings.least_pixels:
+                continue
+            if spot.largest_px * z / focal_px < self.settings.least:
+                continue
+            if not spot.rises(heights, self.settings.rise):
+                continue
+            score = spot.pixels / (spot.pixels + self.settings.least_pixels)
+            found.append((z, spot.detection(THING, score, depth.shape)))
+        return tuple(detection for _, detection in sorted(found, key=lambda one: one[0]))
+
+
+def _standing(sight: Sight, heights: Float32 | None) -> Bool:
+    """(H, W) pixels that have a depth and are no ground."""
+    standing = sight.depth.valid
+    if sight.is_ground is not None:
+        standing &= ~sight.is_ground
+    if heights is not None:
+        standing &= heights > 0
+    return standing
+
+
+def _own_per_depth_squared(sight: Sight) -> float:
+    """Sigma of one depth against its neighbours' over its square, 1/m."""
+    if sight.depth.sigma is None:
+        if sight.baseline_m is None:
+            return UNTOLD_PER_DEPTH_SQUARED
+        return UNTOLD_PX / (sight.camera.focal_px * sight.baseline_m)
+    sparse = sight.depth.values[::4, ::4], sight.depth.sigma[::4, ::4]
+    relative = (sparse[1] / sparse[0] ** 2)[np.isfinite(sparse[0]) & np.isfinite(sparse[1])]
+    if not len(relative):
+        return UNTOLD_PER_DEPTH_SQUARED
+    shared = sight.shared_per_depth_squared
+    return float(np.sqrt(max(np.median(relative) ** 2 - shared**2, (0.1 * shared) ** 2, 1e-12)))
