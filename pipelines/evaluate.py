@@ -19,8 +19,8 @@ from pseudolidar.evaluation.halves import FrameSamples, judge_halves, residuals
 from pseudolidar.evaluation.map_files import is_maps, paired_maps, read_map
 from pseudolidar.evaluation.obstacles_report import ObstaclesReport
 from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.obstacles.detectors import AnyDetector
 from pseudolidar.obstacles.labels import Labels
-from pseudolidar.obstacles.regions import Regions
 from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.comparing.cloud_of_pair import CompareCloudOfPair
 from pseudolidar.running.comparing.clouds import OWN_SCANS, other_clouds
@@ -158,7 +158,7 @@ class Evaluate:
     fill: Surfaces | None = None
     clean: Clean | None = field(default_factory=Clean)
     reproject: Reproject = field(default_factory=Reproject)
-    detector: Labels | Regions = field(default_factory=Labels)
+    detector: AnyDetector = field(default_factory=Labels)
     reference: Path | None = None
     bins: DepthBins = DEFAULT_BINS
     frames: FrameSelection | None = None

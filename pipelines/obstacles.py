@@ -17,9 +17,9 @@ from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.obstacles.corridor import Corridor, near_mask, nearest_ahead
 from pseudolidar.obstacles.detector import Detector
+from pseudolidar.obstacles.detectors import AnyDetector, asked
 from pseudolidar.obstacles.labels import Labels
 from pseudolidar.obstacles.measure import measured
-from pseudolidar.obstacles.regions import Regions
 from pseudolidar.running.apart import check_apart, paths_read
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
@@ -77,6 +77,8 @@ class Obstacles:
             their depth.
         out: output folder.
         detector: what says where objects are; `none` to watch the corridor alone.
+        also: a second one, such as `cloud` for what the first one does not know; what both see is
+            one obstacle.
         matcher: how disparities are found.
         balance: give the right picture the brightness, colours, gamma and vignetting of the left
             one before matching: `auto` for matchers that compare brightness (all but census) where
@@ -110,7 +112,8 @@ class Obstacles:
 
     source: Annotated[Source, Recognised(recognise)]
     out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out")
-    detector: Labels | Regions | None = field(default_factory=Labels)
+    detector: AnyDetector | None = field(default_factory=Labels)
+    also: AnyDetector | None = None
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
     balance: BalanceWhen = "auto"
     clean: Clean | None = field(default_factory=Clean)
@@ -205,7 +208,7 @@ class ObstaclesFrame:
             balance=job.balance,
             min_depth_m=job.min_depth,
         )
-        detect = None if job.detector is None else job.detector.load()
+        detect = None if job.detector is None else asked(job.detector, job.also).load()
         return cls(SightFrame.of(match, job.ground), detect, job.corridor, job.near)
 
     def __call__(self, frame: Frame) -> Product:

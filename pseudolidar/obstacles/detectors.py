@@ -1,0 +1,19 @@
+"""All detectors, as the choices of a setting."""
+
+from __future__ import annotations
+
+from pseudolidar.obstacles.cloud import Cloud
+from pseudolidar.obstacles.colour import Colour
+from pseudolidar.obstacles.combined import Combined
+from pseudolidar.obstacles.detector import DetectorSettings
+from pseudolidar.obstacles.labels import Labels
+from pseudolidar.obstacles.regions import Regions
+from pseudolidar.obstacles.template import Template
+from pseudolidar.obstacles.within import Range
+
+AnyDetector = Labels | Regions | Template | Colour | Range | Cloud
+
+
+def asked(detector: AnyDetector, also: AnyDetector | None) -> DetectorSettings:
+    """A detector and, where there is one, a second: what both see is one thing."""
+    return detector if also is None else Combined((detector, also))
