@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import shutil
 from dataclasses import replace
@@ -79,11 +81,18 @@ def wrong_rig(exact, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def refined(drive, wrong_rig, tmp_path_factory):
+def run(drive, wrong_rig, tmp_path_factory):
+    """What the command tells of the wrong rig, and the rig that it writes."""
     out = tmp_path_factory.mktemp("refined") / "rig.json"
-    args = ["refine", str(drive), "--rig", str(wrong_rig), "--out", str(out)]
-    assert main(args) == 0
-    return out
+    args = ["refine", str(drive), "--rig", str(wrong_rig), "--out", str(out), "--json"]
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        assert main(args) == 0
+    return json.loads(printed.getvalue()), out
+
+
+@pytest.fixture(scope="module")
+def refined(run):
+    return run[1]
 
 
 def bias_by_range(pictures, exact, *rigs):
@@ -127,9 +136,8 @@ def test_a_wrong_rig_is_diagnosed_by_name(drive, wrong_rig, refined, capsys):
     assert "healthy" in mended["text"]
 
 
-def test_the_report_tells_terms_uncertainty_and_frames_left_out(drive, wrong_rig, tmp_path, capsys):
-    out = tmp_path / "rig.json"
-    report = told(capsys, "refine", drive, "--rig", wrong_rig, "--out", out, "--json")
+def test_the_report_tells_terms_uncertainty_and_frames_left_out(run):
+    report, out = run
     assert report["out"] == str(out)
     assert report["references"] == {"scan": FRAMES}
     assert [c["name"] for c in report["candidates"]][:2] == ["none", "offset"]
@@ -239,13 +247,13 @@ def pitched(exact, tmp_path_factory):
 
 def test_a_lidar_that_looks_too_low_is_found_and_raised(exact, pitched, tmp_path, capsys):
     out = tmp_path / "rig.json"
-    found = told(capsys, "refine", pitched, "--matcher", "census", "--out", out, "--json")
+    source = ("refine", pitched, "--frames", "0:3", "--matcher", "census")
+    found = told(capsys, *source, "--out", out, "--json")
     assert found["lidar_pitch_deg"] == pytest.approx(PITCH_DEG, abs=0.02)
     assert 0 < found["lidar_pitch_sigma_deg"] < 0.02
     right = KittiStereo(str(exact)).open().rig.T_left_velodyne
     raised = opened_with_rig(KittiStereo(str(pitched)), out).load(0).rig.T_left_velodyne
     off = raised @ right.inverse()
     assert np.degrees(np.linalg.norm(off.matrix[:3, :3] - np.eye(3)) / np.sqrt(2)) < 0.02
-    again = told(capsys, "refine", pitched, "--matcher", "census", "--rig", out, "--out",
-                 tmp_path / "again.json", "--json")  # fmt: skip
+    again = told(capsys, *source, "--rig", out, "--out", tmp_path / "again.json", "--json")
     assert again["out"] is None  # nothing is left to be put right
