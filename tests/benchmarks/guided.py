@@ -60,11 +60,12 @@ AHEAD_M, ASIDE_M, PX_PER_M = 80.0, 20.0, 16
 
 @dataclass(frozen=True, eq=False)
 class Matched:
-    """A frame with its disparity and what the other half of the frames says of the rig."""
+    """A frame with its disparity, raw and cleaned, and what the other frames say of the rig."""
 
     frame: StereoFrame
+    raw: DisparityMap
     disparity: DisparityMap
-    correction: DisparityCorrection
+    correction: DisparityCorrection | None = None
 
     def cloud(self, *, refined: bool) -> tuple[StereoFrame, PointCloud]:
         """The frame on one of the rigs, and its cloud."""
@@ -74,17 +75,19 @@ class Matched:
 
 
 def matched_frames(source: FrameSource, *, step: int = 1) -> Iterator[Matched]:
-    """Every `step`-th frame; corrections are fitted to the even and the odd ones of these."""
+    """Every `step`-th frame."""
     matcher, cleaner = Census().load(), Clean().load()
-    frames = [source.load(i) for i in range(0, len(source.ids), step)]
-    maps = [matcher(frame) for frame in frames]
-    samples = [
-        scan_samples(disparity, frame, frame_number=i)
-        for i, (frame, disparity) in enumerate(zip(frames, maps, strict=True))
-    ]
+    for index in range(0, len(source.ids), step):
+        frame = source.load(index)
+        disparity = matcher(frame)
+        yield Matched(frame, disparity, cleaner(frame, disparity).disparity)
+
+
+def with_corrections(frames: list[Matched]) -> list[Matched]:
+    """The same with corrections, fitted to the even and the odd ones for the others."""
+    samples = [scan_samples(m.raw, m.frame, frame_number=i) for i, m in enumerate(frames)]
     corrections = [fit(DisparitySamples.concatenate(samples[k::2])) for k in (1, 0)]
-    for i, (frame, disparity) in enumerate(zip(frames, maps, strict=True)):
-        yield Matched(frame, cleaner(frame, disparity).disparity, corrections[i % 2])
+    return [replace(m, correction=corrections[i % 2]) for i, m in enumerate(frames)]
 
 
 def unused_beams(scan: LidarScan) -> LidarScan:
@@ -172,10 +175,12 @@ def main() -> None:
     asked = parser.parse_args()
     keep_freed_memory()
     drive = DATA / "kitti_raw" / "2011_09_26" / "2011_09_26_drive_0002_sync"
-    stereo = list(matched_frames(KittiStereo(str(DATA / "kitti_stereo2015")).open()))
+    stereo = with_corrections(
+        list(matched_frames(KittiStereo(str(DATA / "kitti_stereo2015")).open()))
+    )
     print_table("KITTI stereo 2015", stereo)
     source = pairs_of(with_scans_put_right(KittiRaw(str(drive)).open(), Scans()))
-    raw = list(matched_frames(source))
+    raw = with_corrections(list(matched_frames(source)))
     print_table("KITTI raw, drive 0002", raw)
     print_times(stereo[0])
     if asked.picture is not None:
