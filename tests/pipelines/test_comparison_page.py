@@ -272,7 +272,7 @@ def test_the_verdict_tells_the_rig_from_the_matching(report):
 
 def test_causes_that_cancel_are_no_facts_in_the_report(report):
     """A principal point and a rotation that are wrong, the one making up for the other."""
-    whole, samples = report
+    whole, _ = report
     frames = []
     for frame in whole.comparison.frames:
         focal_px, centre_px = frame.rig.right.focal_px, frame.rig.right.K[0, 2]
@@ -281,7 +281,7 @@ def test_causes_that_cancel_are_no_facts_in_the_report(report):
         frames.append(replace(frame, disparity_px=frame.reference_px + error_px))
     compared = compared_again(whole, frames)
     assert compared.comparison.diagnosis.chosen.effect.cancels
-    text, page = shown(compared, samples)
+    text, page = shown(compared, {})
     assert "none of them is found for itself" in page.points[1]
     assert "only the sum is sure" in text
 
