@@ -27,7 +27,9 @@ from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME
 from pseudolidar.running.folder import check_usable
+from pseudolidar.running.live.eye_watch import EyeWatch, Watched
 from pseudolidar.running.live.new_views import NewViews
+from pseudolidar.running.live.newest import Newest
 from pseudolidar.running.live.opening import bare_eyes, opened_bare, opened_cameras, opened_pairs
 from pseudolidar.running.live.preview import (
     LIVE_NAME,
@@ -225,11 +227,16 @@ def run(job: Live) -> LiveReport:
         check_unclaimed(job.out, written, overwrite=job.overwrite)
         per_frame = convert_frame(job, source)
         searching = Searching(job.matcher, job.min_depth)
-        rehearsed(source, per_frame, check=job.check, searching=searching)
+        seen = rehearsed(source, per_frame, check=job.check, searching=searching)
+        watch = EyeWatch(swap=job.swap)
+        looking = Newest("eyes", watch, idle_s=1.0) if job.check and seen == "unknown" else None
         preview = LivePreview(job.out / LIVE_NAME, CloudPicture()) if job.preview else None
         if preview is not None:
             per_frame = replace(per_frame, encode=ShownWhenEncoded(per_frame.encode, preview))
-        return record(job, cameras, source, per_frame, recording, preview=preview)
+        work = per_frame if looking is None else Watched(per_frame, looking)
+        shown = [one for one in (preview, looking) if one is not None]
+        order = (lambda: watch.order) if looking else (lambda: seen)
+        return record(job, cameras, source, work, recording, shown=shown, eyes=order)
 
 
 def convert_frame(job: Live, source: LivePairs[Any]) -> ConvertFrame:
@@ -257,9 +264,10 @@ def save_pairs(job: Live) -> LiveReport:
         picture = PairPicture(bare_eyes(job), words_of(by))
         preview = LivePreview(job.out / LIVE_NAME, picture) if job.preview else None
         wanted = by if preview is None else ShownWhenAsked(by, preview)
+        shown = () if preview is None else (preview,)
         source = opened_bare(job, cameras, wanted)
         tell(source)
-        return record(job, cameras, source, SavePair(), RecordingPlan(), by=by, preview=preview)
+        return record(job, cameras, source, SavePair(), RecordingPlan(), by=by, shown=shown)
 
 
 def chosen_by(job: Live) -> Choice:

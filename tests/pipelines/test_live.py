@@ -388,7 +388,9 @@ def test_swapped_cameras_are_named_before_anything_is_written(tmp_path: Path) ->
     with pytest.raises(PairSwapped, match="--swap"):
         run(job(folder, tmp_path / "out", check=True))
     assert not (tmp_path / "out").exists()
-    assert run(job(folder, tmp_path / "out", check=True, swap=True)).exit_code == 0
+    report = run(job(folder, tmp_path / "out", check=True, swap=True))
+    assert report.exit_code == 0
+    assert report.as_dict()["live"]["eyes"] == "right"
 
 
 @pytest.mark.parametrize(

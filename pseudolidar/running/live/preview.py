@@ -7,12 +7,10 @@ gives way to what is newer still. Image viewers that look at the file again show
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
-from typing import Generic, Self, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -20,6 +18,7 @@ from pseudolidar.errors import PseudolidarError, printable
 from pseudolidar.evaluation.captions import write_on
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.pictures.image import encode_jpeg
+from pseudolidar.running.live.newest import Newest
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.products.preview import JPEG_QUALITY, PreviewArtist, Scales
 from pseudolidar.running.products.product import Product
@@ -39,8 +38,8 @@ EYE_PX, BAR_PX = 640, 30
 WORDS_PX, WORDS_SIZE = (8, 20), 0.4
 
 
-class LivePreview(Generic[Shown]):
-    """Draws the newest of what it is shown into a file, until the block ends.
+class LivePreview(Newest[Shown]):
+    """Draws the newest of what it is shown into a file.
 
     Args:
         path: of the picture.
@@ -51,54 +50,16 @@ class LivePreview(Generic[Shown]):
     def __init__(
         self, path: Path, draw: Callable[[Shown], bytes], *, pause_s: float = PAUSE_S
     ) -> None:
+        super().__init__("preview", self._write, idle_s=pause_s / 10)
         self._path, self._draw, self._pause_s = path, draw, pause_s
-        self._newest: tuple[int, Shown] | None = None
-        self._drawn = -1
-        self._lock, self._stop = threading.Lock(), threading.Event()
-        self._thread = threading.Thread(target=self._renew, name="preview", daemon=True)
 
-    def show(self, number: int, what: Shown) -> None:
-        """Have this drawn, unless something newer was shown already; from any thread.
-
-        Args:
-            number: larger for what is newer.
-            what: to draw.
-        """
-        with self._lock:
-            if number > (self._drawn if self._newest is None else self._newest[0]):
-                self._newest = number, what
-
-    def __enter__(self) -> Self:
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._stop.set()
-        self._thread.join()
-
-    def _renew(self) -> None:
+    def _write(self, what: Shown) -> float | None:
         try:
-            while not self._stop.is_set():
-                pause_s = self._pause_s if self._once() else self._pause_s / 10
-                self._stop.wait(pause_s)
-            self._once()  # the last frame stays to be looked at
+            write_atomic(self._path, self._draw(what))
         except PseudolidarError as error:  # a run is worth more than its preview
             _log.warning("no more previews: %s", printable(str(error)))
-
-    def _once(self) -> bool:
-        """Draw what is new; whether there was something."""
-        with self._lock:
-            newest, self._newest = self._newest, None
-            if newest is None:
-                return False
-            self._drawn = newest[0]
-        write_atomic(self._path, self._draw(newest[1]))
-        return True
+            return None
+        return self._pause_s
 
 
 class CloudPicture:
@@ -154,7 +115,7 @@ class ShownWhenEncoded:
     """
 
     encode: Callable[[Converted], Product]
-    preview: LivePreview[Converted]
+    preview: Newest[Converted]
 
     def __call__(self, converted: Converted) -> Product:
         """What is written of the frame."""

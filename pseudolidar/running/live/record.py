@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
+from pseudolidar.calibration.boards.eye_order import EyeOrder
 from pseudolidar.errors import CameraFault, OutputSettings
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.crew.attempt import Done
@@ -15,7 +16,8 @@ from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.live.keys import keys
 from pseudolidar.running.live.meter import Meter
 from pseudolidar.running.live.new_views import NewViews
-from pseudolidar.running.live.preview import LIVE_NAME, LivePreview
+from pseudolidar.running.live.newest import Newest
+from pseudolidar.running.live.preview import LIVE_NAME
 from pseudolidar.running.live.saving import saved_pairs
 from pseudolidar.running.live.table import LiveTable
 from pseudolidar.running.products.outputs import Outputs
@@ -75,7 +77,8 @@ def record(
     recording: RecordingPlan,
     *,
     by: Choice | None = None,
-    preview: LivePreview[Any] | None = None,
+    shown: Sequence[Newest[Any]] = (),
+    eyes: Callable[[], EyeOrder] | None = None,
 ) -> LiveReport:
     """Write what workers make of the newest pairs, until the cameras end or somebody says so.
 
@@ -86,7 +89,8 @@ def record(
         per_frame: what is done to one.
         recording: which recordings are written.
         by: which pairs are saved, where they are only saved.
-        preview: draws what it is shown while the run goes on.
+        shown: what looks at frames while the run goes on.
+        eyes: which camera pairs say is the left one.
     """
     meter, views = Meter(cameras), by if isinstance(by, NewViews) else None
     actions, words = _pressable(cameras, by)
@@ -94,7 +98,8 @@ def record(
 
     def told() -> dict[str, Any]:
         board = {} if views is None else {"board": views.as_dict()}
-        return {"live": meter.figures.as_dict() | board}
+        order = {} if eyes is None else {"eyes": eyes()}
+        return {"live": meter.figures.as_dict() | board | order}
 
     with (
         keys(actions) as pressed,
@@ -107,8 +112,10 @@ def record(
         with (
             recording.open(job.out, before) as log,
             LiveTable(meter, words if pressed else "", words_of(by)) as table,
-            preview or contextlib.nullcontext(),
+            contextlib.ExitStack() as looking,
         ):
+            for one in shown:
+                looking.enter_context(one)
             cameras.begin()
             meter.begin()
             if job.seconds is not None:

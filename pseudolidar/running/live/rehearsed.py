@@ -8,8 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from pseudolidar.calibration.boards.eye_order import EyeOrder
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.live.eye_watch import order_seen
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.preflight import preflight
 from pseudolidar.sources.capture.live_pairs import LivePairs
@@ -62,7 +64,7 @@ def rehearsed(
     *,
     check: bool,
     searching: Searching | None = None,
-) -> None:
+) -> EyeOrder:
     """Work on a pair whose result nobody wants, and look whether the cameras stand as their rig.
 
     Loading or compiling kernels takes seconds, in which no frame would be taken. What is odd about
@@ -73,6 +75,9 @@ def rehearsed(
         per_frame: what will be done to their frames.
         check: look for swapped eyes and rows that are off.
         searching: what disparities will be looked for.
+
+    Returns:
+        Which camera the pair shows to be the left one, where it is looked at.
 
     Raises:
         PairSwapped, NotRectified: the pairs would make no metres.
@@ -86,3 +91,4 @@ def rehearsed(
     preflight(specimen, wanted=wanted, crew=CrewPlan(1), searching=searching)
     with contextlib.suppress(PseudolidarError):  # a lens cap may be on still
         per_frame(frame)
+    return order_seen(frame) if wanted else "unknown"
