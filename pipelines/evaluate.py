@@ -37,7 +37,7 @@ from pseudolidar.running.preflight import preflight
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.reports.clouds_report import CloudsReport
 from pseudolidar.running.settings_schema import choice_name, described
-from pseudolidar.running.sighting import SightFrame
+from pseudolidar.running.sighting import SMALL_THINGS_KEPT, SightFrame
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
@@ -124,7 +124,8 @@ class Evaluate:
         temporal: how disparities are fused with those of the frames before; needs poses.
         smooth: how disparities are smoothed before they are judged.
         fill: how holes between matched pixels are filled.
-        clean: what is removed of the disparities before they become clouds.
+        clean: what is removed of the disparities before they become clouds, or objects are looked
+            for in them (where small things stay by default, as in `obstacles`).
         reproject: which pixels become points of the clouds.
         detector: what says where objects are.
         reference: the truth for disparity maps, a file or a folder with the same names; the clouds
@@ -295,10 +296,11 @@ def judge_labelled(job: Evaluate) -> ObstaclesReport:
     searching = Searching(job.matcher, job.min_depth)
     crew = CrewPlan(job.workers)
     warnings = preflight(pairs, wanted=job.check, crew=crew, searching=searching)
+    clean = SMALL_THINGS_KEPT if job.clean == Clean() else job.clean  # as `obstacles` does
     match = MatchFrame.load(
-        pairs, job.matcher, refining(job), job.clean, balance=job.balance, min_depth_m=job.min_depth
+        pairs, job.matcher, refining(job), clean, balance=job.balance, min_depth_m=job.min_depth
     )
-    steps = steps_in_words(described(job.matcher), refining(job), job.clean)
+    steps = steps_in_words(described(job.matcher), refining(job), clean)
     return judge_obstacles(
         pairs,
         SightFrame.of(match, GroundFit()),

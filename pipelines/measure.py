@@ -24,7 +24,7 @@ from pseudolidar.running.field_markers import Recognised
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.preflight import preflight
-from pseudolidar.running.sighting import SightFrame
+from pseudolidar.running.sighting import SMALL_THINGS_KEPT, SightFrame
 from pseudolidar.running.table import table_text
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
@@ -66,6 +66,7 @@ class Measure:
         balance: give the right picture the brightness, colours, gamma and vignetting of the left
             one before matching: `auto`, `always`, `never`.
         clean: what is removed of the disparities because it is no surface; `none` keeps all.
+            Surfaces of 7 x 7 cm stay, where clouds lose those below 22 x 22 cm.
         ground: how the ground is looked for; `none` where there is none, as in flight.
         rig: calibration that replaces the source's cameras: a rig.json, OpenCV YAML, XML or JSON,
             ROS camera_info, K.txt, calib.txt; a file, a folder, or LEFT,RIGHT.
@@ -85,7 +86,7 @@ class Measure:
     name: str = NO_CLASS
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
     balance: BalanceWhen = "auto"
-    clean: Clean | None = field(default_factory=Clean)
+    clean: Clean | None = SMALL_THINGS_KEPT
     ground: GroundFit | None = field(default_factory=GroundFit)
     rig: Path | None = None
     rig_unit: RigUnit | None = None

@@ -40,7 +40,7 @@ from pseudolidar.running.products.obstacle_tables import encode_csv, encode_json
 from pseudolidar.running.products.product import Product
 from pseudolidar.running.reports.obstacles_report import ObstaclesReport
 from pseudolidar.running.run import Run
-from pseudolidar.running.sighting import SightFrame
+from pseudolidar.running.sighting import SMALL_THINGS_KEPT, SightFrame
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
@@ -84,6 +84,7 @@ class Obstacles:
             one before matching: `auto` for matchers that compare brightness (all but census) where
             the eyes differ, `always`, `never`.
         clean: what is removed of the disparities because it is no surface; `none` keeps all.
+            Surfaces of 7 x 7 cm stay, where clouds lose those below 22 x 22 cm.
         ground: how the ground is looked for; `none` where there is none, as in flight.
         corridor: watch a corridor ahead, WIDTHxHEIGHTxLENGTH in m, and tell the nearest thing in
             it, whatever it is, how fast it comes nearer, and when it is reached: corridor.csv.
@@ -116,7 +117,7 @@ class Obstacles:
     also: AnyDetector | None = None
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
     balance: BalanceWhen = "auto"
-    clean: Clean | None = field(default_factory=Clean)
+    clean: Clean | None = SMALL_THINGS_KEPT
     ground: GroundFit | None = field(default_factory=GroundFit)
     corridor: Corridor | None = None
     stop_at: Annotated[float | None, RUN_ONLY] = None

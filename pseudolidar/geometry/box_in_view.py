@@ -37,10 +37,14 @@ def outline_px(box: Box3D, camera: Camera) -> tuple[float, float, float, float] 
 
 
 def across_m(box: Box3D) -> float:
-    """How wide a box is as seen from the camera: its extent across the line of sight, level."""
-    x, _, z = box.pose.translation_m
-    sideways = np.array([z, 0.0, -x]) / np.hypot(x, z)
-    return float(np.ptp(box.corners_m() @ sideways))
+    """How wide a box is as seen: between its outer edges in the picture, at their distance, m.
+
+    What lies behind them, of which nothing may be seen, does not count.
+    """
+    x, _, z = box.corners_m().T
+    bearing = x / np.maximum(z, NEAREST_M)
+    left, right = int(np.argmin(bearing)), int(np.argmax(bearing))
+    return float((bearing[right] - bearing[left]) * 0.5 * (z[left] + z[right]))
 
 
 def _faces() -> Float64:

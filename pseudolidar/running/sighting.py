@@ -14,6 +14,7 @@ from pseudolidar.geometry.frames import camera_tree, frame_tree
 from pseudolidar.geometry.planes import Plane
 from pseudolidar.obstacles.sight import Sight
 from pseudolidar.running.matching import MatchFrame
+from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.structures.arrays import Bool, Float32
 from pseudolidar.structures.cloud import PointCloud
@@ -24,6 +25,8 @@ from pseudolidar.structures.recorded import DepthFrame, Frame
 
 # Objects are looked for up to this range: farther, a KITTI rig has fewer than 2 px of disparity.
 SIGHT_M = 200.0
+# Of disparities in which objects are looked for, things as large as a hand stay.
+SMALL_THINGS_KEPT = Clean(speckle_m2=0.005)
 
 
 @dataclass(frozen=True, eq=False)

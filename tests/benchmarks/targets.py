@@ -19,14 +19,13 @@ from pseudolidar.clouds.ground_fit import GroundFit
 from pseudolidar.geometry.box_in_view import across_m
 from pseudolidar.obstacles.measure import measured
 from pseudolidar.running.matching import MatchFrame, Refining
-from pseudolidar.running.sighting import SightFrame
+from pseudolidar.running.sighting import SMALL_THINGS_KEPT, SightFrame
 from pseudolidar.sources.synthetic import WORLDS, Synthetic
 from pseudolidar.sources.worlds.materials import Material
 from pseudolidar.sources.worlds.meshes import frustum, turn_z
 from pseudolidar.sources.worlds.room import SENSOR_HEIGHT_M, Room
 from pseudolidar.sources.worlds.world import Actor, Thing
 from pseudolidar.stereo.census import Census
-from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.structures.box import Detection
 from pseudolidar.structures.obstacle import Obstacle
 
@@ -77,7 +76,7 @@ def measured_targets(seed: int) -> dict[float, Obstacle | None]:
     WORLDS["target"] = TargetRoom  # type: ignore[assignment]
     settings = Synthetic("target", frames=len(DISTANCES), seed=seed, rate_hz=RATE_HZ)
     source = settings.open()
-    match = MatchFrame.load(source, Census(), Refining(), Clean(), min_depth_m=NEAREST_M)
+    match = MatchFrame.load(source, Census(), Refining(), SMALL_THINGS_KEPT, min_depth_m=NEAREST_M)
     sighted = SightFrame.of(match, GroundFit())
     found: dict[float, Obstacle | None] = {}
     for index, distance_m in enumerate(DISTANCES):
