@@ -63,6 +63,8 @@ SIZES: dict[str, ClassSize] = {
     "cyclist": CYCLIST,
     "bicycle": ClassSize((1.7, 0.2), (0.5, 0.15), (1.1, 0.3)),
     "motorcycle": ClassSize((2.1, 0.25), (0.8, 0.15), (1.3, 0.3)),
+    # what is found by its points alone: anything, and mostly as round as cars and people are
+    "thing": ClassSize((1.5, 1.5), (1.2, 1.2), (1.5, 1.2), stands=False),
     "misc": ClassSize((3.6, 2.0), (1.5, 0.7), (1.9, 0.8)),
     "dog": ClassSize((0.9, 0.3), (0.3, 0.1), (0.6, 0.2)),
     "traffic light": ClassSize((0.3, 0.1), (0.35, 0.1), (0.9, 0.25), stands=False, round_m=0.0),

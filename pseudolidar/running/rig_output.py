@@ -12,14 +12,23 @@ from pseudolidar.formats.rigs.rig_json import read_rig, write_rig
 from pseudolidar.running.new_file import check_new_file
 from pseudolidar.structures.camera import StereoRig
 
+SUFFIX = ".json"
+
 
 def check_rig_place(out: Path, *, overwrite: bool) -> None:
-    """Refuse a rig file that cannot be written, or would replace a file unasked or no rig.
+    """Refuse a rig file by a wrong name, in a wrong place, or in the place of something else.
 
     Raises:
-        UsageError: a file would be written over, unasked or one that is no rig.
+        UsageError: a file would be written over, unasked or one that is no rig; its name does not
+            end in `.json`, by which `--rig` knows a rig.
         OutputError: nothing can be written there.
     """
+    if out.suffix.lower() != SUFFIX:
+        raise UsageError(
+            f"a rig file called {out.name!r}",
+            want=f"a name that ends in {SUFFIX}, by which --rig knows it",
+            fix=f"Pass --out {out}{SUFFIX}.",
+        )
     check_new_file(out, overwrite=overwrite)
     if out.exists():
         try:

@@ -44,3 +44,9 @@ def test_a_place_that_cannot_be_written_is_refused_before_any_work(
     with pytest.raises(OutputError):
         check_new_file(Path(place), overwrite=False)
     assert [entry.name for entry in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_rig_has_a_name_that_other_verbs_know(tmp_path: Path) -> None:
+    check_rig_place(tmp_path / "rig.JSON", overwrite=False)
+    with pytest.raises(UsageError, match=r"Pass --out .*mine\.json"):
+        check_rig_place(tmp_path / "mine", overwrite=False)
