@@ -18,6 +18,11 @@ from pseudolidar.structures.arrays import Bool, Float32, Float64, Int64, UInt8
 
 # A cell is so many pixels wide, and its core is filled to such a height, m.
 CELL_PX, FILLED_M = 4, 0.15
+# How high a pixel is: too low to make a core; between; in the uppermost part of what makes cores;
+# higher, where it belongs to a thing only if this share of that thing's cells fill that share of
+# the uppermost part.
+LOW, MIDDLE, TOP, HIGHER = range(4)
+TOP_M, MOSTLY, FULL = 0.6, 0.5, 0.6
 # A cell is as deep as the reach, and this many sigmas of a depth.
 SIGMAS = 1.5
 # The angle whose tangent ends the rows: a cell ends at infinity at most.
@@ -46,32 +51,46 @@ class Cells:
         K = sight.camera.K
         return cls(reach_m, own, float(K[0, 0]), float(K[1, 1]))
 
-    def clusters(self, depth: Float32, standing: Bool, filled: Bool) -> Int64:
+    def clusters(self, depth: Float32, standing: Bool, level: UInt8) -> Int64:
         """(H, W) number of the cluster of each pixel that stands, from 1; 0 is none.
 
         Args:
             depth: (H, W) Z in m.
             standing: (H, W) pixels that may belong to something.
-            filled: (H, W) those of them that make cores.
+            level: (H, W) `LOW`, `MIDDLE`, `TOP` or `HIGHER`.
         """
-        import cv2
-
+        result = np.zeros(depth.shape, np.int64)
         v, u = np.nonzero(standing)
-        z = depth[v, u]
+        if not len(v):
+            return result
+        z, level = depth[v, u], level[v, u]
         row, column = self._row(z), u // CELL_PX
         size = int(row.max()) + 1, depth.shape[1] // CELL_PX + 1
         cell = row * size[1] + column
-        counts = np.bincount(cell[filled[v, u]], minlength=size[0] * size[1]).reshape(size)
         middle = self._depth(np.arange(size[0], dtype=np.float64) + 0.5)
-        core = counts * (middle / (self.focal_down_px * CELL_PX))[:, None] >= FILLED_M
-        _, numbers = cv2.connectedComponents(self._widened(core, middle), connectivity=8)
-        numbers[~core] = 0
-        # Cells beside a core are its border: they join it, and nothing joins them.
-        border = cv2.dilate(numbers.astype(np.float32), np.ones((3, 3), np.uint8))
-        numbers = np.where(core, numbers, border.astype(np.int32))
-        result = np.zeros(depth.shape, np.int64)
-        result[v, u] = numbers.reshape(-1)[cell]
+        pixel_m = (middle / (self.focal_down_px * CELL_PX))[:, None]
+
+        def filled_m(inside: Bool) -> Float64:
+            counts = np.bincount(cell[inside], minlength=size[0] * size[1])
+            return np.asarray(counts.reshape(size) * pixel_m)
+
+        core = filled_m((level == MIDDLE) | (level == TOP)) >= FILLED_M
+        goes_on = filled_m(level == TOP) >= FULL * TOP_M
+        numbers = self._numbered(core, middle)
+        reaching = np.bincount(numbers[core & goes_on], minlength=numbers.max() + 1)
+        tall = reaching >= MOSTLY * np.bincount(numbers[core], minlength=len(reaching))
+        number = numbers.reshape(-1)[cell]
+        result[v, u] = np.where((level != HIGHER) | tall[number], number, 0)
         return result
+
+    def _numbered(self, core: Bool, middle_m: Float64) -> Int64:
+        """Cells with the number of their cluster; those beside a core join it, and join nothing."""
+        import cv2
+
+        _, numbers = cv2.connectedComponents(self._widened(core, middle_m), connectivity=8)
+        numbers[~core] = 0
+        border = cv2.dilate(numbers.astype(np.float32), np.ones((3, 3), np.uint8))
+        return np.where(core, numbers, border.astype(np.int64))
 
     def _widened(self, core: Bool, middle_m: Float64) -> UInt8:
         """Cores with half of the reach to either side: those that are near touch."""

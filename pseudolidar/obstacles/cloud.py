@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.errors import UsageError
-from pseudolidar.obstacles.birds_eye_cells import Cells
+from pseudolidar.obstacles.birds_eye_cells import MIDDLE, TOP_M, Cells
 from pseudolidar.obstacles.sight import Sight
 from pseudolidar.obstacles.spots import heights_m, spots_of
-from pseudolidar.structures.arrays import Bool, Float32
+from pseudolidar.structures.arrays import Bool, Float32, UInt8
 from pseudolidar.structures.box import Detection
 
 THING = "thing"
@@ -30,7 +30,8 @@ class Cloud:
         least_pixels: that a thing has.
         above: points lower than this above the ground make no thing, m: kerbs, grass.
         rise: a thing is at least so high above the ground, m.
-        highest: points higher than this above the ground belong to nothing, m: tree tops, bridges.
+        highest: points higher than this above the ground make no thing, m: tree tops, bridges;
+            they belong to one that reaches up to them, such as a lorry.
         farthest: distance to which things are looked for, m.
     """
 
@@ -70,14 +71,8 @@ class CloudThings:
         """Things, the nearest first, each with its pixels; without depth there are none."""
         depth, heights = sight.depth.values, heights_m(sight)
         standing = _standing(sight, heights) & (depth < self.settings.farthest)
-        if not standing.any():
-            return ()
         cells = Cells.of(sight, self.settings.reach, _own_per_depth_squared(sight))
-        filled = standing
-        if heights is not None:
-            standing = standing & (heights < self.settings.highest)
-            filled = standing & (heights > self.settings.above)
-        numbers = cells.clusters(depth, standing, filled)
+        numbers = cells.clusters(depth, standing, self._levels(heights, depth.shape))
         focal_px = float(sight.camera.K[1, 1])
         found = []
         for spot in spots_of(numbers):
@@ -91,6 +86,14 @@ class CloudThings:
             score = spot.pixels / (spot.pixels + self.settings.least_pixels)
             found.append((z, spot.detection(THING, score, depth.shape)))
         return tuple(detection for _, detection in sorted(found, key=lambda one: one[0]))
+
+    def _levels(self, heights: Float32 | None, size: tuple[int, ...]) -> UInt8:
+        """(H, W) which part each pixel has in making things, by its height."""
+        if heights is None:
+            return np.full(size, MIDDLE, np.uint8)
+        top = max(self.settings.above, self.settings.highest - TOP_M)
+        edges = np.array([self.settings.above, top, self.settings.highest])
+        return np.asarray(np.searchsorted(edges, heights), np.uint8)
 
 
 def _standing(sight: Sight, heights: Float32 | None) -> Bool:

@@ -20,6 +20,7 @@ FAR_CAR: Thing = ("Car", 2.5, 30.0, 1.65, 1.53)
 PERSON: Thing = ("Pedestrian", 3.0, 15.0, 0.65, 1.74)
 POLE: Thing = ("Pole", 0.6, 10.0, 0.15, 2.2)
 KERB: Thing = ("Kerb", 3.0, 8.0, 3.0, 0.15)
+VERGE: Thing = ("Verge", -3.0, 9.0, 2.0, 0.36)
 NEAR = Range(Band(2, 20))
 # The wall behind everything is at 60 m.
 CLOUD = Cloud(farthest=50)
@@ -34,7 +35,7 @@ def boxes(found):
     [(CLOUD, (POLE, CAR, PERSON, FAR_CAR)), (NEAR, (POLE, CAR, PERSON))],
 )
 def test_things_are_found_nearest_first_and_ground_wall_and_kerb_are_not(settings, things) -> None:
-    one = sight((CAR, FAR_CAR, PERSON, POLE, KERB))
+    one = sight((CAR, FAR_CAR, PERSON, POLE, KERB, VERGE))
     found = settings.load()(one)
     assert len(found) == len(things)
     for thing, detection in zip(things, found, strict=True):
@@ -63,6 +64,19 @@ def test_the_neighbourhood_grows_with_the_error_of_depths() -> None:
     found = Cloud(farthest=52, least_pixels=20).load()(exact)
     overlaps = [max([box_iou(d.box_px, box_px(t)) for d in found] + [0]) for t in (near, far)]
     assert min(overlaps) < 0.3
+
+
+def test_a_lorry_is_whole_and_what_hangs_over_a_car_is_not_the_car() -> None:
+    lorry: Thing = ("Truck", 3.0, 16.0, 2.5, 3.6)
+    one = sight((lorry, CAR))
+    depth, sigma = one.depth.values.copy(), one.depth.sigma.copy()
+    left, top, right, _ = (round(edge) for edge in box_px(CAR))
+    hanging = np.s_[: top - 29, left - 20 : right + 20]  # from 2.4 m above the ground
+    depth[hanging], sigma[hanging] = 12.0, sigma[top + 5, left + 5]
+    found = CLOUD.load()(dataclasses.replace(one, depth=DepthMap(depth, sigma)))
+    assert len(found) == 2
+    for thing, detection in zip((CAR, lorry), found, strict=True):
+        assert box_iou(detection.box_px, box_px(thing)) > 0.75
 
 
 def test_two_things_side_by_side_at_different_depths_are_two() -> None:
