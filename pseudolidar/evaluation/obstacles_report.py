@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pseudolidar.errors import ALL_DONE, SOME_SKIPPED
+from pseudolidar.evaluation.average_precision import AveragePrecision
 from pseudolidar.evaluation.obstacles import (
     JUDGED_FROM,
     BandErrors,
@@ -28,6 +29,7 @@ class ObstaclesReport:
         subject: what was judged, one line.
         objects: every label that counts, with what was measured of it.
         frames: how many frames had labels.
+        precisions: KITTI's average precision of boxes, of classes that labels and detector share.
         found_by_labels: the detections are the labels themselves, so recall says nothing.
         without_labels: frames that have none.
         seconds_per_frame: median time of finding and measuring, matching included.
@@ -39,6 +41,7 @@ class ObstaclesReport:
     objects: Sequence[JudgedObject]
     frames: int
     found_by_labels: bool
+    precisions: Sequence[AveragePrecision] = ()
     without_labels: int = 0
     seconds_per_frame: float | None = None
     skipped: Sequence[tuple[str, str]] = ()
@@ -74,6 +77,7 @@ class ObstaclesReport:
             "bands": [band.as_dict() for band in by_band(self.objects)],
             "within_1_sigma": self.within_1_sigma,
             "recall_2d": self.recall,
+            "ap40": [one.as_dict() for one in self.precisions],
             "usual_script": [band.as_dict() for band in usual_by_band(self.objects)],
             "cars": cars
             and {
@@ -111,11 +115,25 @@ class ObstaclesReport:
                 f"  {cars[0]} cars to {CARS_TO_M:.0f} m: length off by {length:.2f} m, "
                 f"width {width:.2f} m, height {height:.2f} m (medians)"
             )
+        lines += self._precision_lines()
         lines.append("the usual script, depth at the middle of the box, against the label's z:")
         lines += [_band_line(band) for band in usual_by_band(self.objects)]
         if self.without_labels:
             lines.append(f"{self.without_labels} frames without labels left out")
         return "\n".join([*lines, *(f"skipped {name}: {why}" for name, why in self.skipped)])
+
+    def _precision_lines(self) -> list[str]:
+        known = [one for one in self.precisions if one.n and one.difficulty == "moderate"]
+        if not known:
+            return []
+        lines = [
+            "KITTI's AP of 40 recalls, moderate labels, from above and in 3D (fewer than 40 labels "
+            "cannot reach 100 %):"
+        ]
+        for one in known:
+            head = f"  {one.name:12s} IoU {one.min_overlap:.1f}  {one.n:3d} labels"
+            lines.append(f"{head}  {one.bev or 0.0:6.1%}  {one.space or 0.0:6.1%}")
+        return lines
 
 
 def _band_line(band: BandErrors) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.errors import ReferenceMissing
+from pseudolidar.evaluation.average_precision import BoxedFrame, average_precisions
 from pseudolidar.evaluation.obstacles import JudgedObject, judged_objects
 from pseudolidar.evaluation.obstacles_report import ObstaclesReport
 from pseudolidar.obstacles.detector import Detector, DetectorSettings
@@ -29,10 +30,12 @@ class JudgedFrame:
 
     Args:
         objects: its labels with what was measured.
+        boxes: for average precision.
         seconds: of matching, finding and measuring.
     """
 
     objects: tuple[JudgedObject, ...]
+    boxes: BoxedFrame
     seconds: float
 
 
@@ -57,7 +60,7 @@ class JudgeObstacles:
         obstacles = measured(sight, self.detect(sight))
         seconds = time.perf_counter() - begin_s
         judged = judged_objects(frame.id, frame.labels, obstacles, sight.camera, sight.depth)
-        return JudgedFrame(judged, seconds)
+        return JudgedFrame(judged, BoxedFrame.of(frame.labels, obstacles), seconds)
 
 
 def judge_obstacles(
@@ -113,6 +116,7 @@ def judge_obstacles(
         subject=subject,
         objects=[one for frame in judged for one in frame.objects],
         frames=len(judged),
+        precisions=average_precisions([frame.boxes for frame in judged]),
         found_by_labels=isinstance(detector, Labels),
         without_labels=without,
         seconds_per_frame=float(np.median([frame.seconds for frame in judged])),
