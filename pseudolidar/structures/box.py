@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from pseudolidar.errors import StructureError
 from pseudolidar.structures.arrays import Bool, Float64, check_array
 from pseudolidar.structures.pose import Pose
+
+TrackState = Literal["tentative", "confirmed", "coasting"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +96,30 @@ class Label:
     alpha_rad: float | None = None
 
 
+@dataclass(frozen=True)
+class Contact:
+    """When something that comes nearer reaches the camera's plane, if both go on as they do.
+
+    Args:
+        time_s: from now until its nearest face is there.
+        sigma_time_s: one standard deviation (68 %).
+        left_m: where its left side is then, in `camera_left`, to the right positive.
+        right_m: where its right side is then.
+        sigma_across_m: one standard deviation of both.
+    """
+
+    time_s: float
+    sigma_time_s: float
+    left_m: float
+    right_m: float
+    sigma_across_m: float
+
+    def within(self, half_width_m: float, *, sigmas: float = 1.0) -> bool:
+        """Whether it then reaches into a corridor, or may do within so many sigmas."""
+        reach_m = half_width_m + sigmas * self.sigma_across_m
+        return self.left_m < reach_m and self.right_m > -reach_m
+
+
 @dataclass(frozen=True, eq=False)
 class Track:
     """A box with identity over time.
@@ -100,14 +127,33 @@ class Track:
     Args:
         track_id: identity.
         box: where it is now.
-        velocity_m_s: (3,) float64 in the box's destination frame.
+        velocity_m_s: (3,) float64 along the axes of the box's destination frame.
         sigma_velocity_m_s: (3,) float64, one standard deviation.
+        name: class name.
+        state: `tentative` until seen often enough to be believed, `coasting` while it is not
+            seen and only predicted.
+        over_ground: the velocity is over ground; else it is relative to the camera.
+        age_s: time since it was first seen.
+        unseen_s: time since it was last seen.
+        seen: in how many frames.
+        speed_m_s: level, without what rises or sinks.
+        sigma_speed_m_s: one standard deviation.
+        contact: with the camera's plane; None where it surely does not come nearer.
     """
 
     track_id: int
     box: Box3D
     velocity_m_s: Float64
     sigma_velocity_m_s: Float64
+    name: str = ""
+    state: TrackState = "confirmed"
+    over_ground: bool = False
+    age_s: float = 0.0
+    unseen_s: float = 0.0
+    seen: int = 1
+    speed_m_s: float = float("nan")
+    sigma_speed_m_s: float = float("nan")
+    contact: Contact | None = None
 
     def __post_init__(self) -> None:
         check_array("Track", "velocity_m_s", self.velocity_m_s, (3,), np.float64)

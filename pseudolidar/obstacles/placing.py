@@ -1,0 +1,77 @@
+"""An obstacle as a measured place: its error is large along the ray and small across it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pseudolidar.geometry.frames import R_BODY_OPTICAL
+from pseudolidar.obstacles.motion_filter import Place, summed
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.camera import LEFT_FRAME
+from pseudolidar.structures.obstacle import Obstacle
+from pseudolidar.structures.pose import Pose
+
+# Where no poses are known, things are followed in the camera's own frame, its axes turned to x
+# ahead, y left, z up.
+RELATIVE = "camera_body"
+# Nobody measures the middle of a thing better than this across the ray, m.
+LEAST_SIGMA_M = 0.05
+# Weight of the rule that errors lie along the ray, against what the box's own axes tell of it:
+# they tell nothing where the ray is diagonal to them.
+ALONG_RAY_WEIGHT = 0.1
+
+
+def relative_pose() -> Pose:
+    """`T_camera_body_left`: axes turned, nothing else."""
+    return Pose.from_rotation(RELATIVE, LEFT_FRAME, R_BODY_OPTICAL, np.zeros(3))
+
+
+def placed(obstacle: Obstacle, T_world_camera: Pose, persistent: float) -> Place:
+    """Where the middle of an obstacle is in the world, with its error.
+
+    The box has its sigma along its own axes. The covariance with that trace which lies along the
+    ray and across it is taken.
+    """
+    R, centre = T_world_camera.matrix[:3, :3], obstacle.box.pose.translation_m
+    ray = _unit(rotated(R, centre))
+    across = np.array([-ray[1], ray[0], 0.0])
+    length = math.hypot(float(across[0]), float(across[1]))
+    # Straight above or below, any axis on the level is across.
+    across = across / length if length > 1e-6 else np.array([0.0, 1.0, 0.0])
+    upright = np.cross(ray, across)
+    sigma = np.maximum(np.array(obstacle.box.sigma_m), LEAST_SIGMA_M)
+    forward = rotated(R, obstacle.box.pose.matrix[:3, 0])
+    along_m, aside_m = _along_ray(forward, ray, sigma)
+    return Place(
+        T_world_camera.apply(centre[None])[0],
+        np.stack([ray, across, upright]),
+        np.array([along_m, aside_m, sigma[2]]),
+        persistent,
+    )
+
+
+def rotated(R: Float64, vector: Float64) -> Float64:
+    """(3,) R times a vector, without BLAS."""
+    return summed(R * vector)
+
+
+def _along_ray(forward: Float64, ray: Float64, sigma: Float64) -> tuple[float, float]:
+    """Sigma along the ray and across it, of those along the length and the width of a box.
+
+    length^2 = along^2 c^2 + across^2 s^2 and width^2 = along^2 s^2 + across^2 c^2, with the angle
+    between length and ray; the difference of both is known as far as cos 2a is not 0.
+    """
+    angle = math.atan2(forward[1], forward[0]) - math.atan2(ray[1], ray[0])
+    double = math.cos(2.0 * angle)
+    length, width = float(sigma[0]) ** 2, float(sigma[1]) ** 2
+    most = length + width - 2.0 * LEAST_SIGMA_M**2
+    told = double * (length - width) + ALONG_RAY_WEIGHT * most
+    difference = min(max(told / (double**2 + ALONG_RAY_WEIGHT), -most), most)
+    total = length + width
+    return math.sqrt(0.5 * (total + difference)), math.sqrt(0.5 * (total - difference))
+
+
+def _unit(vector: Float64) -> Float64:
+    return vector / math.sqrt(float(summed(vector * vector)))
