@@ -192,7 +192,8 @@ def _arc(turn: float, seconds: float) -> tuple[float, float, float, float]:
     angle = turn * seconds
     if abs(angle) < SMALL_TURN:
         half = 0.5 * seconds * seconds
-        return seconds, half * turn, -turn * seconds**3 / 3.0, half
+        along = seconds * (1.0 - angle * angle / 6.0)
+        return along, half * turn, -turn * seconds**3 / 3.0, half
     along, aside = math.sin(angle) / turn, (1.0 - math.cos(angle)) / turn
     return (
         along,

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pseudolidar.errors import SequenceTime, StructureError
+from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.obstacles.assignment import assigned
 from pseudolidar.obstacles.contact import contact_of
 from pseudolidar.obstacles.motion_filter import (
@@ -29,7 +30,6 @@ from pseudolidar.structures.camera import LEFT_FRAME
 from pseudolidar.structures.obstacle import Obstacle
 from pseudolidar.structures.pose import Pose
 
-NS = 1_000_000_000
 # Without poses the camera's own motion is in that of everything: its speed, and by how much it
 # changes within a second, one standard deviation each.
 OWN_SPEED_M_S, OWN_WANDER_M_S = 10.0, 1.5
@@ -165,7 +165,7 @@ class Following:
         if before is None:
             self._own = (eye, None)
             return ended
-        seconds = (now_ns - before) / NS
+        seconds = (now_ns - before) / NS_PER_S
         self._own = (eye, None if self._own is None else (eye - self._own[0]) / seconds)
         self._pursued = tuple(
             replace(one, belief=one.belief.after(seconds, self._dynamics(one)))
@@ -222,7 +222,7 @@ class Following:
         assert self._now_ns is not None  # _begin_frame
         if not one.confirmed:
             return one.missed < self.settings.doubt
-        return self._now_ns - one.last_ns <= self.settings.coast_s * NS
+        return self._now_ns - one.last_ns <= self.settings.coast_s * NS_PER_S
 
     def _told(self, one: Pursued, T_camera_world: Pose) -> Track:
         """A track as others see it, in the camera's frame."""
@@ -243,8 +243,8 @@ class Following:
             name=one.name,
             state=one.state,
             over_ground=self._over_ground,
-            age_s=(self._now_ns - one.first_ns) / NS,
-            unseen_s=(self._now_ns - one.last_ns) / NS,
+            age_s=(self._now_ns - one.first_ns) / NS_PER_S,
+            unseen_s=(self._now_ns - one.last_ns) / NS_PER_S,
             seen=one.seen,
             speed_m_s=speed,
             sigma_speed_m_s=sigma_speed,

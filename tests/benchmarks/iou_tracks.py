@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from pseudolidar.evaluation.obstacles import _iou as iou
 from pseudolidar.evaluation.tracks import ToldTrack
+from pseudolidar.obstacles.overlap import box_iou
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.obstacle import Obstacle
 from pseudolidar.structures.pose import Pose
@@ -58,7 +58,7 @@ class IouTracker:
                 one.mean[6] = 0.0
             one.mean, one.covariance = F @ one.mean, F @ one.covariance @ F.T + CHANGE
         overlap = np.array(
-            [[iou(_box(t.mean), o.detection.box_px) for o in obstacles] for t in self.tracks]
+            [[box_iou(_box(t.mean), o.detection.box_px) for o in obstacles] for t in self.tracks]
         ).reshape(len(self.tracks), len(obstacles))
         told, left = [], set(range(len(obstacles)))
         for row, column in zip(*linear_sum_assignment(-overlap), strict=True):
