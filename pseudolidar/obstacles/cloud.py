@@ -75,10 +75,10 @@ class CloudThings:
         numbers = cells.clusters(depth, standing, self._levels(heights, depth.shape))
         focal_px = float(sight.camera.K[1, 1])
         found = []
-        for spot in spots_of(numbers):
-            z = float(np.median(depth[spot.rows, spot.columns][spot.inside]))
+        for spot in (one.whole() for one in spots_of(numbers)):
             if spot.pixels < self.settings.least_pixels:
                 continue
+            z = float(np.median(depth[spot.rows, spot.columns][spot.inside]))
             if spot.largest_px * z / focal_px < self.settings.least:
                 continue
             if not spot.rises(heights, self.settings.rise):

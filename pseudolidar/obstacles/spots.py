@@ -15,6 +15,8 @@ from pseudolidar.structures.box import Detection
 STRAY = 0.005
 # And this share of the highest for how high a thing is.
 STRAY_TOP = 0.05
+# A part of a thing with fewer of its pixels than this is a speck; gaps up to this width are none.
+SPECK, BESIDE_PX = 0.05, 7
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +50,18 @@ class Spot:
         """The larger side of the box."""
         left, top, right, bottom = self.box_px
         return max(right - left, bottom - top) + 1
+
+    def whole(self) -> Spot:
+        """Without specks far from its parts; the parts of a thing behind a pole are kept."""
+        import cv2
+
+        around = cv2.dilate(self.inside.astype(np.uint8), np.ones((BESIDE_PX, BESIDE_PX), np.uint8))
+        _, parts = cv2.connectedComponents(around)
+        parts[~self.inside] = 0
+        counts = np.bincount(parts.ravel())
+        counts[0] = 0
+        kept = counts >= SPECK * counts.sum()
+        return Spot(self.rows, self.columns, kept[parts])
 
     def rises(self, heights: Float32 | None, least_m: float) -> bool:
         """Whether its top is so high above the ground; true where there is no ground."""

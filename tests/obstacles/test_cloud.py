@@ -79,6 +79,19 @@ def test_a_lorry_is_whole_and_what_hangs_over_a_car_is_not_the_car() -> None:
         assert box_iou(detection.box_px, box_px(thing)) > 0.75
 
 
+def test_a_speck_in_the_sky_above_a_thing_is_not_part_of_it() -> None:
+    tall: Thing = ("Pole", 1.0, 8.0, 0.8, 2.4)
+    one = sight((tall,))
+    depth, sigma = one.depth.values.copy(), one.depth.sigma.copy()
+    left, top, right, bottom = (round(edge) for edge in box_px(tall))
+    depth[0:6, left + 5 : left + 20] = 8.0
+    sigma[0:6] = sigma[top + 5, left + 5]
+    # What hides the middle of a thing does not make a speck of a part of it.
+    depth[top + 30 : top + 50, left : right + 1] = np.nan
+    (found,) = CLOUD.load()(dataclasses.replace(one, depth=DepthMap(depth, sigma)))
+    assert box_iou(found.box_px, box_px(tall)) > 0.85
+
+
 def test_two_things_side_by_side_at_different_depths_are_two() -> None:
     one = sight((("Car", 0.0, 10.0, 1.65, 1.53), ("Car", 1.4, 14.0, 1.65, 1.53)))
     for settings in (CLOUD, NEAR):

@@ -90,6 +90,19 @@ def test_a_box_on_the_command_line_measures_what_is_in_it(street, found, tmp_pat
     assert mine["class"] == "region"
 
 
+def test_a_second_detector_adds_what_the_first_does_not_know(street, found, tmp_path) -> None:
+    first = [one for one in lines(found) if one["frame"] == lines(found)[0]["frame"]]
+    frames = f"--frames={int(first[0]['frame'])}"
+    both = ["--detector", "labels", "--also", "cloud", "--also.farthest", "30"]
+    assert main(["obstacles", street, str(tmp_path), frames, *both]) == 0
+    mine = lines(tmp_path)
+    boxes = [one["box_px"] for one in mine if one["class"] != "thing"]
+    assert sorted(boxes) == sorted(one["box_px"] for one in first)
+    things = [one for one in mine if one["class"] == "thing"]
+    assert len(things) >= 3
+    assert max(one["distance_m"] for one in things) < 31
+
+
 def told(capsys, *args: str, code: int = 0) -> dict:
     capsys.readouterr()
     assert main([*args, "--json"]) == code
