@@ -209,7 +209,8 @@ class ObstaclesFrame:
             balance=job.balance,
             min_depth_m=job.min_depth,
         )
-        detect = None if job.detector is None else asked(job.detector, job.also).load()
+        detector = asked(job.detector, job.also)
+        detect = None if detector is None else detector.load()
         return cls(SightFrame.of(match, job.ground), detect, job.corridor, job.near)
 
     def __call__(self, frame: Frame) -> Product:

@@ -14,6 +14,8 @@ from pseudolidar.obstacles.within import Range
 AnyDetector = Labels | Regions | Template | Colour | Range | Cloud
 
 
-def asked(detector: AnyDetector, also: AnyDetector | None) -> DetectorSettings:
-    """A detector and, where there is one, a second: what both see is one thing."""
-    return detector if also is None else Combined((detector, also))
+def asked(detector: AnyDetector | None, also: AnyDetector | None) -> DetectorSettings | None:
+    """Those of two detectors that there are as one, what both see is one thing; None for none."""
+    if detector is None or also is None:
+        return detector or also
+    return Combined((detector, also))

@@ -83,7 +83,7 @@ def test_a_speck_in_the_sky_above_a_thing_is_not_part_of_it() -> None:
     tall: Thing = ("Pole", 1.0, 8.0, 0.8, 2.4)
     one = sight((tall,))
     depth, sigma = one.depth.values.copy(), one.depth.sigma.copy()
-    left, top, right, bottom = (round(edge) for edge in box_px(tall))
+    left, top, right, _ = (round(edge) for edge in box_px(tall))
     depth[0:6, left + 5 : left + 20] = 8.0
     sigma[0:6] = sigma[top + 5, left + 5]
     # What hides the middle of a thing does not make a speck of a part of it.

@@ -8,6 +8,7 @@ import pytest
 from pseudolidar.errors import UsageError
 from pseudolidar.obstacles.cloud import Cloud
 from pseudolidar.obstacles.combined import Combined, merged
+from pseudolidar.obstacles.detectors import asked
 from pseudolidar.obstacles.regions import Boxes, Regions
 from pseudolidar.structures.box import Detection
 from tests.obstacles.scene import Thing, box_px, sight
@@ -48,6 +49,13 @@ def test_masks_may_agree_where_boxes_do_not() -> None:
     a = Detection("thing", (0, 0, 9, 9), 0.6, mask)
     b = Detection("Car", (0, 0, 29, 9), 0.7, mask)
     assert [one.name for one in merged([a], [b], 0.5)] == ["Car"]
+
+
+def test_one_of_two_may_be_left_out() -> None:
+    cloud, drawn = Cloud(), Regions(Boxes(box_px=box_px(CAR)))
+    assert asked(None, None) is None
+    assert asked(cloud, None) is asked(None, cloud) is cloud
+    assert asked(drawn, cloud) == Combined((drawn, cloud))
 
 
 def test_bad_settings_are_named() -> None:
