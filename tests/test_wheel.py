@@ -113,7 +113,8 @@ def test_the_sdist_holds_the_pipelines_and_makes_the_same_wheel(
     from_sdist = contents(next(built.glob("*.whl")))
     assert contents(next(tmp_path.glob("*.whl"))) == from_sdist
     assert {f"pseudolidar/{name}" for name in pipelines} <= set(from_sdist)
-    assert {"pseudolidar/py.typed", "pseudolidar/formats/rigs/rig.schema.json"} <= set(from_sdist)
+    assert {"pseudolidar/py.typed", "pseudolidar/formats/rigs/rig.schema.json",
+            "pseudolidar/formats/obstacle.schema.json"} <= set(from_sdist)  # fmt: skip
 
 
 def test_the_wheel_has_the_files_of_the_checkout(built: Path) -> None:

@@ -8,7 +8,7 @@ A line is: type, truncated, occluded, alpha, box left top right bottom (px, firs
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from pseudolidar.formats.rigs.kitti_calibration import FRAME_CAM0
 from pseudolidar.formats.text import TextLine, Word, read_lines
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.box import Box3D, Detection, Label
+from pseudolidar.structures.obstacle import Obstacle
 from pseudolidar.structures.pose import Pose
 
 CLASSES = (
@@ -117,6 +118,45 @@ def encode_labels(
     T_cam0_left = (T_left_cam0 or Pose.identity("camera_left", FRAME_CAM0)).inverse()
     lines = [_line(label, T_cam0_left, decimals, scores) + "\n" for label in labels]
     return "".join(lines).encode()
+
+
+def encode_tracking_labels(
+    frames: Mapping[int, Sequence[Label]],
+    *,
+    T_left_cam0: Pose | None = None,
+    decimals: int | None = None,
+    scores: bool = False,
+) -> bytes:
+    """The bytes of a tracking file: `encode_labels` with frame and track before each line.
+
+    Args:
+        frames: labels by frame number; those without a track get -1.
+        T_left_cam0: where camera 0 is; by default it is the left camera.
+        decimals: digits behind the point; all there are by default.
+        scores: add the score column, as in files of results.
+    """
+    T_cam0_left = (T_left_cam0 or Pose.identity("camera_left", FRAME_CAM0)).inverse()
+    lines = [
+        f"{number} {UNSET_TRACK if label.track_id is None else label.track_id} "
+        f"{_line(label, T_cam0_left, decimals, scores)}\n"
+        for number, labels in sorted(frames.items())
+        for label in labels
+    ]
+    return "".join(lines).encode()
+
+
+def result_label(obstacle: Obstacle) -> Label:
+    """An obstacle as KITTI's results have it: nothing is said of truncation and occlusion.
+
+    The score is that of the detector. A name of several words becomes one: `traffic_light`.
+    """
+    name = "_".join(obstacle.detection.name.split()) or "object"
+    track = obstacle.track
+    return Label(
+        replace(obstacle.detection, name=name, mask=None),
+        obstacle.box,
+        track_id=None if track is None else track.track_id,
+    )
 
 
 # --- reading -------------------------------------------------------------------------------------

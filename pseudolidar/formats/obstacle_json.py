@@ -6,17 +6,24 @@ bottom; first pixel centre at 0), `distance_m` (Z of the nearest face), `sigma_d
 `heading_rad` (of the length, about the vertical, 0 ahead, to the right positive; which end is the
 front nobody knows), `sigma_*` one standard deviation each (of the centre along the box's axes),
 `rotation` (3 rows, box to camera), `points`, `confidence`, `truncated`, `occluded`, `measured_by`.
-Of a tracked one: `track`, `velocity_m_s`, `sigma_velocity_m_s`, `speed_m_s`.
+Of a tracked one also what `track_json` has. `obstacle.schema.json` beside this file is the form of
+an object; `obstacles.jsonl` has one on each line.
 """
 
 from __future__ import annotations
 
+import importlib.resources
+import json
 import math
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 
-from pseudolidar.errors import LabelError
+from pseudolidar.errors import LabelError, PseudolidarError
+from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
+from pseudolidar.formats.text import read_lines
+from pseudolidar.formats.track_json import track_fields, track_of
 from pseudolidar.structures.box import Box3D, Detection
 from pseudolidar.structures.obstacle import Obstacle
 from pseudolidar.structures.pose import Pose
@@ -51,6 +58,7 @@ def obstacle_fields(
         "truncated": obstacle.truncated,
         "occluded": obstacle.occluded,
         "measured_by": obstacle.measured_by,
+        **({} if obstacle.track is None else track_fields(obstacle.track)),
     }
 
 
@@ -81,6 +89,7 @@ def obstacle_of(fields: dict[str, Any], *, where: str) -> Obstacle:
             float(fields["confidence"]),
             bool(fields["truncated"]),
             bool(fields["occluded"]),
+            track=track_of(fields),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise LabelError(
@@ -88,6 +97,43 @@ def obstacle_of(fields: dict[str, Any], *, where: str) -> Obstacle:
             want="the fields that `pseudolidar obstacles` writes",
             where=where,
         ) from error
+
+
+def read_obstacles(
+    path: Path, *, limits: Limits = DEFAULT_LIMITS
+) -> dict[str, tuple[Obstacle, ...]]:
+    """The obstacles of an `obstacles.jsonl` by the id of their frame, in the order of the file.
+
+    Args:
+        path: the file; one without lines has no obstacles.
+        limits: cap on its size.
+
+    Raises:
+        LabelError: missing file, a line that is no JSON object, a field that is missing, of another
+            kind or impossible; by line.
+    """
+    found: dict[str, list[Obstacle]] = {}
+    for number, line in enumerate(read_lines(path, error=LabelError, limits=limits), start=1):
+        if not line.text.strip():
+            continue
+        where = f"line {number}"
+        try:
+            fields = json.loads(line.text)
+        except (ValueError, RecursionError) as error:
+            raise LabelError("no JSON", want="an object", path=path, where=where) from error
+        if not isinstance(fields, dict) or not isinstance(fields.get("frame"), str):
+            raise LabelError("no object with a frame", want="an obstacle", path=path, where=where)
+        try:
+            found.setdefault(fields["frame"], []).append(obstacle_of(fields, where=where))
+        except PseudolidarError as error:
+            raise LabelError(error.got, want=error.want, path=path, where=where) from error
+    return {frame: tuple(obstacles) for frame, obstacles in found.items()}
+
+
+def obstacle_schema() -> dict[str, Any]:
+    """The JSON Schema of one obstacle."""
+    file = importlib.resources.files(__package__) / "obstacle.schema.json"
+    return cast("dict[str, Any]", json.loads(file.read_text("utf-8")))
 
 
 def heading_rad(box: Box3D) -> float:

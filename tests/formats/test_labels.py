@@ -10,14 +10,17 @@ import pytest
 
 from pseudolidar.errors import LabelError
 from pseudolidar.formats.labels import (
+    encode_tracking_labels,
     read_labels,
     read_tracking_labels,
+    result_label,
     unknown_classes,
     write_labels,
 )
 from pseudolidar.formats.rigs.kitti import read_object_calib
 from pseudolidar.formats.rigs.kitti_calibration import COLOUR, FRAME_CAM0
 from pseudolidar.structures.pose import Pose
+from tests.formats.made_obstacles import car, light
 
 # Left camera 6 cm right of camera 0, as KITTI's colour camera nearly is.
 T_LEFT_CAM0 = Pose.from_rotation(
@@ -168,3 +171,25 @@ def test_real_boxes_project_onto_their_image_boxes(real_data):
     # The image boxes were drawn from the 3D ones; both are rounded. A centre taken for the bottom
     # or camera 0 for camera 2 moves them by tens of pixels.
     assert np.median(errors_px) < 2.0
+
+
+def test_tracks_of_obstacles_come_back_from_a_tracking_file(tmp_path):
+    frames = {0: [result_label(car())], 3: [result_label(light()), result_label(car())]}
+    path = tmp_path / "0000.txt"
+    path.write_bytes(encode_tracking_labels(frames, T_left_cam0=T_LEFT_CAM0, scores=True))
+    found = read_tracking_labels(path, T_left_cam0=T_LEFT_CAM0)
+    assert [(n, [label.track_id for label in labels]) for n, labels in found.items()] == [
+        (0, [7]),
+        (3, [None, 7]),
+    ]
+    again, (signal, _) = found[0][0], found[3]
+    assert (again.detection.name, again.detection.score) == ("Car", 0.875)
+    assert signal.detection.name == "traffic_light"
+    assert again.detection.box_px == car().detection.box_px
+    np.testing.assert_allclose(again.box.pose.matrix, car().box.pose.matrix, atol=1e-12)
+    assert (again.truncation, again.occlusion) == (None, None)
+    # A written file is the same again after it was read.
+    twice = encode_tracking_labels(frames, scores=True, decimals=2)
+    path.write_bytes(twice)
+    back = read_tracking_labels(path, T_left_cam0=Pose.identity("camera_left", FRAME_CAM0))
+    assert encode_tracking_labels(back, scores=True, decimals=2) == twice
