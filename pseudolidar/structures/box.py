@@ -12,6 +12,8 @@ from pseudolidar.structures.arrays import Bool, Float64, check_array
 from pseudolidar.structures.pose import Pose
 
 TrackState = Literal["tentative", "confirmed", "coasting"]
+# Pairs of corners, as `Box3D.corners_m` has them, that differ in one direction.
+BOX_EDGES = tuple((a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.CompressedPointCloud_pb2 import CompressedPointCloud
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
@@ -24,6 +25,7 @@ from pseudolidar.formats.mcap.items import (
     Raster,
     Transforms,
 )
+from pseudolidar.formats.mcap.obstacle_scene import annotations_message, obstacles_message
 from pseudolidar.formats.mcap.points import points_message
 from pseudolidar.formats.mcap.profile import Profile, Topic
 from pseudolidar.formats.mcap.protobuf import (
@@ -113,6 +115,7 @@ PICTURE = schema_of(CompressedImage)
 RAW = schema_of(RawImage)
 CLOUD = schema_of(PointCloud)
 SCENE = schema_of(SceneUpdate)
+ANNOTATIONS = schema_of(ImageAnnotations)
 PACKED_CLOUD = schema_of(CompressedPointCloud)
 
 DEPTH, CAMERA_DEPTH = meanings.DEPTH_MEANING, meanings.CAMERA_DEPTH_MEANING
@@ -157,5 +160,8 @@ FOXGLOVE = Profile(
             DRACO,
         ),
         Topic(names.POINTS + "/draco", Kind.POINTS_DRACO, PACKED_CLOUD, draco_message, DRACO),
+        Topic(names.OBSTACLES, Kind.OBSTACLES, SCENE, obstacles_message),
+        Topic("/camera/left/annotations", Kind.OBSTACLES_SEEN, ANNOTATIONS, annotations_message),
+        Topic(names.OBSTACLE_EDGES, Kind.OBSTACLE_EDGES, CLOUD, points_message),
     ),
 )

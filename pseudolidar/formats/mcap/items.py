@@ -11,6 +11,7 @@ from pseudolidar.structures.arrays import AnyArray, Float64
 from pseudolidar.structures.box import Box3D, Label
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.disparity import DisparityMap
+from pseudolidar.structures.obstacle import Obstacle
 from pseudolidar.structures.pose import Pose
 
 
@@ -38,6 +39,9 @@ class Kind(enum.Enum):
     POINTS_DRACO = "cloud of another origin, packed"
     SCAN = "LiDAR scan"
     LABELS = "labelled boxes"
+    OBSTACLES = "obstacles in space"
+    OBSTACLES_SEEN = "obstacles in the left image"
+    OBSTACLE_EDGES = "edges of the boxes of obstacles"
 
 
 @dataclass(frozen=True)
@@ -168,8 +172,30 @@ class Boxes:
                 yield number if label.track_id is None else label.track_id, label, label.box
 
 
+@dataclass(frozen=True)
+class Obstacles:
+    """What is in the way.
+
+    Args:
+        obstacles: their boxes in `frame`.
+        frame: the left camera's.
+    """
+
+    obstacles: tuple[Obstacle, ...]
+    frame: str
+
+
 Content: TypeAlias = (
-    Note | Transforms | Pose | CameraModel | Picture | Raster | Disparity | Points | Boxes
+    Note
+    | Transforms
+    | Pose
+    | CameraModel
+    | Picture
+    | Raster
+    | Disparity
+    | Points
+    | Boxes
+    | Obstacles
 )
 
 

@@ -17,11 +17,13 @@ from pseudolidar.formats.mcap.items import (
     Item,
     Kind,
     Note,
+    Obstacles,
     Picture,
     Points,
     Raster,
     Transforms,
 )
+from pseudolidar.formats.mcap.obstacle_edges import edge_points
 from pseudolidar.formats.mcap.profile import Profile
 from pseudolidar.formats.mcap.profiles import profile_of
 from pseudolidar.formats.mcap.records import Parts
@@ -34,6 +36,7 @@ from pseudolidar.structures.camera import Camera
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from pseudolidar.structures.frame import LidarScan, StereoFrame
+from pseudolidar.structures.obstacle import Obstacle
 from pseudolidar.structures.pose import Pose
 from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
 
@@ -80,12 +83,14 @@ class Results:
         depth: of the left image, or of the only one.
         cloud: in any frame of the tree.
         notes: lines for the log, besides those of the frame.
+        obstacles: in the left camera's frame; None where none were looked for.
     """
 
     disparity: DisparityMap | None = None
     depth: DepthMap | None = None
     cloud: PointCloud | None = None
     notes: Sequence[str] = field(default=())
+    obstacles: Sequence[Obstacle] | None = None
 
 
 def frame_messages(
@@ -95,6 +100,7 @@ def frame_messages(
     depth: DepthMap | None = None,
     cloud: PointCloud | None = None,
     notes: Sequence[str] = (),
+    obstacles: Sequence[Obstacle] | None = None,
     content: McapContent = DEFAULT_CONTENT,
 ) -> tuple[LogMessage, ...]:
     """Everything a recording holds of a frame; pure, for worker threads.
@@ -106,6 +112,8 @@ def frame_messages(
         depth: of the left image, or of the only one.
         cloud: stereo cloud, in any frame of the rig; or the cloud of the frame.
         notes: lines for the log, besides those of the frame.
+        obstacles: of a frame with a picture, in its camera's frame; None where none were looked
+            for.
         content: what to write, and how.
 
     Raises:
@@ -116,7 +124,7 @@ def frame_messages(
     """
     if frame.timestamp_ns <= 0:  # which viewers take for "no time"
         raise SequenceTime(f"time stamp {frame.timestamp_ns} ns", want="a positive number")
-    results = Results(disparity, depth, cloud, notes)
+    results = Results(disparity, depth, cloud, notes, obstacles)
     match frame:
         case StereoFrame():
             items = _pair_items(frame, results, content)
@@ -163,6 +171,7 @@ def _pair_items(frame: StereoFrame, results: Results, content: McapContent) -> I
             f"a cloud in frame {results.cloud.frame!r}", want=f"one of {', '.join(sorted(known))}"
         )
     yield from _cloud(frame, results.cloud, content, stereo=True)
+    yield from _obstacles(results.obstacles, left)
 
 
 def _depth_items(frame: DepthFrame, results: Results, content: McapContent) -> Iterator[Item]:
@@ -179,6 +188,7 @@ def _depth_items(frame: DepthFrame, results: Results, content: McapContent) -> I
     depth = frame.depth if results.depth is None else results.depth
     yield from _depth(depth, name, content, Kind.CAMERA_DEPTH, Kind.CAMERA_DEPTH_PNG)
     yield from _cloud(frame, results.cloud, content, stereo=False)
+    yield from _obstacles(results.obstacles, name)
 
 
 def _cloud_items(frame: RecordedCloud, results: Results, content: McapContent) -> Iterator[Item]:
@@ -291,6 +301,15 @@ def _cloud(
     kind = CLOUD_KINDS[content.cloud_format, stereo]
     shape = cloud.shape if holes else None
     yield Item(kind, Points(columns, cloud.frame, cloud.timestamp_ns, shape))
+
+
+def _obstacles(found: Sequence[Obstacle] | None, frame: str) -> Iterator[Item]:
+    """Of a frame in which nothing is found a message that says so: viewers forget those before."""
+    if found is not None:
+        obstacles = Obstacles(tuple(found), frame)
+        yield Item(Kind.OBSTACLES, obstacles)
+        yield Item(Kind.OBSTACLES_SEEN, obstacles)
+        yield Item(Kind.OBSTACLE_EDGES, edge_points(found, frame))
 
 
 def _picture(image: Image, frame: str, left: str, content: McapContent) -> Picture:

@@ -23,6 +23,10 @@ from pseudolidar.formats.ros.ros2_messages import (
     pose_message,
     raster_message,
 )
+from pseudolidar.formats.ros.ros2_obstacles import (
+    obstacle_detections_message,
+    obstacle_markers_message,
+)
 
 CDR, ROS2MSG = "cdr", "ros2msg"
 # Where the name begins in a serialised rcl_interfaces/Log: after the encapsulation, the stamp and
@@ -124,5 +128,14 @@ ROS2 = Profile(
             CAMERA_DEPTH,
         ),
         Topic(names.POINTS, Kind.POINTS, CLOUD, points_message, CLOUDS),
+        Topic(names.OBSTACLES, Kind.OBSTACLES, MARKERS, obstacle_markers_message, OFFERED),
+        Topic(
+            names.OBSTACLES + "/boxes",
+            Kind.OBSTACLES,
+            DETECTIONS,
+            obstacle_detections_message,
+            OFFERED,
+        ),
+        Topic(names.OBSTACLE_EDGES, Kind.OBSTACLE_EDGES, CLOUD, points_message, OFFERED),
     ),
 )

@@ -12,6 +12,7 @@ from pseudolidar.formats.mcap.protobuf import serialised, set_stamp
 from pseudolidar.formats.mcap.records import Parts
 from pseudolidar.geometry.quaternion import quaternion_wxyz
 from pseudolidar.structures.box import Box3D
+from pseudolidar.structures.pose import Pose
 
 # Red, green, blue, alpha, 0-1: see-through, so that the points in the box stay visible.
 BOX_COLOUR = (0.2, 0.8, 0.2, 0.3)
@@ -34,20 +35,22 @@ def _add_box(scene: Any, box: Box3D, name: str, identity: str, timestamp_ns: int
     set_stamp(entity.timestamp, timestamp_ns)
     entity.metadata.add(key="class", value=name)
     cube = entity.cubes.add()
-    _set_pose(cube.pose, box)
+    set_pose(cube.pose, box.pose)
     cube.size.x, cube.size.y, cube.size.z = box.length_m, box.width_m, box.height_m
-    _set_colour(cube.color, BOX_COLOUR)
+    set_colour(cube.color, BOX_COLOUR)
     text = entity.texts.add(text=name, billboard=True, scale_invariant=True, font_size=TEXT_SIZE_PX)
-    _set_pose(text.pose, box)
-    _set_colour(text.color, TEXT_COLOUR)
+    set_pose(text.pose, box.pose)
+    set_colour(text.color, TEXT_COLOUR)
 
 
-def _set_pose(pose: Any, box: Box3D) -> None:
-    pose.position.x, pose.position.y, pose.position.z = box.pose.translation_m
-    w, x, y, z = quaternion_wxyz(box.pose.matrix[:3, :3])
-    orientation = pose.orientation
+def set_pose(message: Any, pose: Pose) -> None:
+    """Fill a `foxglove.Pose` with that of `pose.src`."""
+    message.position.x, message.position.y, message.position.z = pose.translation_m
+    w, x, y, z = quaternion_wxyz(pose.matrix[:3, :3])
+    orientation = message.orientation
     orientation.x, orientation.y, orientation.z, orientation.w = x, y, z, w
 
 
-def _set_colour(colour: Any, rgba: tuple[float, float, float, float]) -> None:
+def set_colour(colour: Any, rgba: tuple[float, float, float, float]) -> None:
+    """Fill a `foxglove.Color`."""
     colour.r, colour.g, colour.b, colour.a = rgba

@@ -20,6 +20,8 @@ CLOUDS = frozenset(
         Kind.POINTS_DRACO,
         Kind.SCAN,
         Kind.LABELS,
+        Kind.OBSTACLES,
+        Kind.OBSTACLE_EDGES,
     }
 )
 EVERYWHERE = frozenset({Kind.MARK, Kind.NOTE, Kind.TRANSFORMS, Kind.POSE})

@@ -192,12 +192,17 @@ def markers_message(boxes: Boxes, time_ns: int) -> Parts:
             "action": ADD,
             "pose": ros_pose(box.pose),
         }
-        cube = {"ns": "labels", "type": CUBE, "scale": _size(box), "color": _colour(BOX_COLOUR)}
+        cube = {
+            "ns": "labels",
+            "type": CUBE,
+            "scale": box_size(box),
+            "color": ros_colour(BOX_COLOUR),
+        }
         text = {
             "ns": "names",
             "type": TEXT_VIEW_FACING,
             "scale": {"z": TEXT_M},
-            "color": _colour(TEXT_COLOUR),
+            "color": ros_colour(TEXT_COLOUR),
             "text": label.detection.name,
         }
         markers += [common | cube, common | text]
@@ -214,7 +219,7 @@ def detections_message(boxes: Boxes, time_ns: int) -> Parts:
             {
                 "header": header(box.pose.dst, time_ns),
                 "results": [{"hypothesis": hypothesis, "pose": {"pose": pose}}],
-                "bbox": {"center": pose, "size": _size(box)},
+                "bbox": {"center": pose, "size": box_size(box)},
                 "id": str(identity),
             }
         )
@@ -285,9 +290,11 @@ def _median_sigma(sigma: Float32 | None) -> float:
     return float(np.median(known)) if len(known) else 0.0
 
 
-def _size(box: Box3D) -> dict[str, float]:
+def box_size(box: Box3D) -> dict[str, float]:
+    """`geometry_msgs/Vector3`: length, width, height."""
     return {"x": box.length_m, "y": box.width_m, "z": box.height_m}
 
 
-def _colour(rgba: tuple[float, ...]) -> dict[str, float]:
+def ros_colour(rgba: tuple[float, ...]) -> dict[str, float]:
+    """`std_msgs/ColorRGBA`."""
     return dict(zip("rgba", rgba, strict=True))

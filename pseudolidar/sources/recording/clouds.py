@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 from pseudolidar.errors import PseudolidarError, RecordingError, UsageError
-from pseudolidar.formats.mcap.channels import FRAME, SCAN, STEREO_POINTS
+from pseudolidar.formats.mcap.channels import FRAME, OBSTACLE_EDGES, SCAN, STEREO_POINTS
 from pseudolidar.formats.mcap.columns import LOW_BITS, joined
 from pseudolidar.formats.points.columns import DTYPE_LINE, SHAPE_LINE, parse_notes, restored
 from pseudolidar.formats.recordings.messages import CloudMessage, Mark
@@ -182,7 +182,7 @@ def _chosen(topics: Topics, name: str | None) -> Topic:
         return found
     if topics.own:
         stereo = topics.named(STEREO_POINTS, "cloud")
-        own = [topic for topic in known if topic.name != SCAN]
+        own = [topic for topic in known if topic.name not in (SCAN, OBSTACLE_EDGES)]
         return stereo or (own[0] if own else known[0])
     return max(known, key=lambda topic: (len(topic), topic.name))
 
