@@ -183,7 +183,8 @@ def _chosen(topics: Topics, name: str | None) -> Topic:
     if topics.own:
         stereo = topics.named(STEREO_POINTS, "cloud")
         own = [topic for topic in known if topic.name not in (SCAN, OBSTACLE_EDGES)]
-        return stereo or (own[0] if own else known[0])
+        measured = [topic for topic in known if topic.name != OBSTACLE_EDGES]
+        return stereo or (own or measured or known)[0]
     return max(known, key=lambda topic: (len(topic), topic.name))
 
 
