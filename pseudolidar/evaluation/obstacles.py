@@ -103,7 +103,7 @@ def judged_objects(
 def matched(labels: Sequence[Label], obstacles: Sequence[Obstacle]) -> list[Obstacle | None]:
     """The obstacle of each label: the best overlap of boxes in the picture first."""
     overlaps = np.array(
-        [[_iou(a.detection.box_px, b.detection.box_px) for b in obstacles] for a in labels]
+        [[iou(a.detection.box_px, b.detection.box_px) for b in obstacles] for a in labels]
     ).reshape(len(labels), len(obstacles))
     found: list[Obstacle | None] = [None] * len(labels)
     while overlaps.size and overlaps.max() >= SAME_IOU:
@@ -214,7 +214,7 @@ def _size_off_m(box: Box3D, truth: Box3D) -> tuple[float, float, float]:
     )
 
 
-def _iou(a: tuple[float, ...], b: tuple[float, ...]) -> float:
+def iou(a: tuple[float, ...], b: tuple[float, ...]) -> float:
     """Of boxes left, top, right, bottom in continuous coordinates."""
     wide = min(a[2], b[2]) - max(a[0], b[0])
     tall = min(a[3], b[3]) - max(a[1], b[1])

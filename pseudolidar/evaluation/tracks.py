@@ -8,12 +8,18 @@ from typing import Any
 
 import numpy as np
 
+from pseudolidar.evaluation.obstacles import iou
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.box import Box3D
 
 # A track is of a thing whose centre is no farther than this, or this share of its range.
 SAME_M, SAME_SHARE = 2.0, 0.06
+# Where both have boxes in the picture and these overlap so much (intersection over union), they are
+# one thing: far away others are nearer than the error of the distance.
+SAME_IOU = 0.5
 NEVER = 1e9
+
+BoxPx = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,13 +30,15 @@ class TrueObject:
         number: identity.
         box: in the camera's frame.
         velocity_m_s: (3,) along the camera's axes.
-        seen: a detector was given it; what is hidden may be missed without blame.
+        seen: enough of it can be seen; what is hidden may be missed, or told, without blame.
+        box_px: left, top, right, bottom in the picture, where known.
     """
 
     number: int
     box: Box3D
     velocity_m_s: Float64
     seen: bool = True
+    box_px: BoxPx | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +51,7 @@ class ToldTrack:
         velocity_m_s: (3,) along the camera's axes; None where it has none yet.
         sigma_velocity_m_s: (3,) one standard deviation; None where nobody gave one.
         coasting: predicted, not seen.
+        box_px: what it was seen as in the picture, where known.
     """
 
     number: int
@@ -50,6 +59,7 @@ class ToldTrack:
     velocity_m_s: Float64 | None = None
     sigma_velocity_m_s: Float64 | None = None
     coasting: bool = False
+    box_px: BoxPx | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +180,8 @@ class TrackJudge:
             not track.coasting for column, track in enumerate(told) if column not in taken
         )
         for row, column in pairs:
-            self._add_pair(truth[row], told[column])
+            if truth[row].seen or told[column].coasting:
+                self._add_pair(truth[row], told[column])
 
     def _add_pair(self, one: TrueObject, track: ToldTrack) -> None:
         off = track.box.pose.translation_m - one.box.pose.translation_m
@@ -222,11 +233,11 @@ def same(
 
     if not truth or not told:
         return []
-    off = np.array([[_off_m(one.box, track.box) for track in told] for one in truth])
-    # What is hidden is no one's duty: its track may go on, but takes nothing from what is seen.
+    off = np.array([[_off(one, track) for track in told] for one in truth])
+    # A track that coasts is of the thing that it was of, if that is seen, and of no other.
     for row, one in enumerate(truth):
         for column, track in enumerate(told):
-            if one.seen == track.coasting and last.get(one.number) != track.number:
+            if one.seen and track.coasting and last.get(one.number) != track.number:
                 off[row, column] = NEVER
     pairs = [
         (row, column)
@@ -241,9 +252,15 @@ def same(
     return pairs + [(row, column) for row, column in rest if off[row, column] < NEVER]
 
 
-def _off_m(box: Box3D, other: Box3D) -> float:
-    """Distance of the centres; `NEVER` where it is too large for one thing."""
-    a, b = box.pose.translation_m, other.pose.translation_m
+def _off(one: TrueObject, track: ToldTrack) -> float:
+    """How far apart they are: boxes in the picture where both have one, else centres, m.
+
+    `NEVER` where that is too much for one thing.
+    """
+    if one.box_px is not None and track.box_px is not None:
+        overlap = iou(one.box_px, track.box_px)
+        return 1.0 - overlap if overlap >= SAME_IOU else NEVER
+    a, b = track.box.pose.translation_m, one.box.pose.translation_m
     off_m = float(np.sqrt(((a - b) ** 2).sum()))
     return off_m if off_m <= max(SAME_M, SAME_SHARE * float(np.sqrt((b**2).sum()))) else NEVER
 

@@ -8,9 +8,12 @@ import numpy as np
 
 from pseudolidar.obstacles.motion_filter import LASTING, PLACE, Belief, Place
 from pseudolidar.obstacles.movers import may_be_one
+from pseudolidar.obstacles.overlap import BoxPx, box_iou
 
 # 99.9 % of the chi-squared distribution with 3 degrees of freedom.
 GATE = 16.27
+# Cost of boxes that do not overlap, where they are a moment apart.
+APART_COST = 10.0
 # An assignment that the gate forbids.
 NEVER = 1e6
 # Farther than so many of the largest sigma, the gate forbids it surely.
@@ -18,27 +21,30 @@ FAR_SIGMAS = 4.1
 
 
 def assigned(
-    beliefs: Sequence[tuple[str, Belief]], places: Sequence[tuple[str, Place]]
+    known: Sequence[tuple[str, Belief, BoxPx | None]], seen: Sequence[tuple[str, Place, BoxPx]]
 ) -> list[tuple[int, int]]:
     """Pairs of a track and a place, as many as the gate lets pass, at the least total cost.
 
-    The cost is -2 log likelihood of the place: vague tracks do not take what is a sure one's.
+    The cost is -2 log likelihood of the place: vague tracks do not take what is a sure one's. Cars
+    of a row, as far from each other as their errors, are told apart by their boxes of a moment ago.
 
     Args:
-        beliefs: class name and belief of each track, at the time of the places.
-        places: class name and place of each obstacle.
+        known: class name and belief of each track at the time of the places, and its box in the
+            picture of a moment before, if it was seen then.
+        seen: class name, place and box in the picture of each obstacle.
     """
     from scipy.optimize import linear_sum_assignment
 
-    if not beliefs or not places:
+    if not known or not seen:
         return []
-    cost = np.full((len(beliefs), len(places)), NEVER)
-    for row, (name, belief) in enumerate(beliefs):
-        for column, (other, place) in enumerate(places):
+    cost = np.full((len(known), len(seen)), NEVER)
+    for row, (name, belief, box_px) in enumerate(known):
+        for column, (other, place, other_px) in enumerate(seen):
             if may_be_one(name, other) and _may_be_near(belief, place):
                 _, distance, log_volume = belief.seen(place)
                 if distance <= GATE:
-                    cost[row, column] = distance + log_volume
+                    apart = 0.0 if box_px is None else 1.0 - box_iou(box_px, other_px)
+                    cost[row, column] = distance + log_volume + APART_COST * apart
     rows, columns = linear_sum_assignment(cost)
     pairs = zip(rows.tolist(), columns.tolist(), strict=True)
     return [(row, column) for row, column in pairs if cost[row, column] < NEVER]

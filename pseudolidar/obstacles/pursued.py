@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pseudolidar.obstacles.motion_filter import PLACE, VELOCITY, Belief, Place, product, summed
+from pseudolidar.obstacles.overlap import BoxPx
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.box import Box3D, TrackState
 from pseudolidar.structures.obstacle import Obstacle
@@ -28,6 +29,7 @@ class Pursued:
         size_m: (3,) length, width, height.
         sigma_size_m: (3,) one standard deviation of them.
         R_world_box: (3, 3) how it is turned.
+        box_px: where it was in the picture when it was last seen.
         first_ns: when it was first seen.
         last_ns: when it was last seen.
         seen: in how many frames.
@@ -41,6 +43,7 @@ class Pursued:
     size_m: Float64
     sigma_size_m: Float64
     R_world_box: Float64
+    box_px: BoxPx
     first_ns: int
     last_ns: int
     seen: int = 1
@@ -54,7 +57,8 @@ class Pursued:
         """Seen for the first time."""
         size_m, sigma_m, R = _looks(obstacle, T)
         names = {obstacle.detection.name: obstacle.detection.score}
-        return cls(track_id, belief, names, size_m, sigma_m, R, now_ns, now_ns)
+        box_px = obstacle.detection.box_px
+        return cls(track_id, belief, names, size_m, sigma_m, R, box_px, now_ns, now_ns)
 
     @property
     def name(self) -> str:
@@ -80,6 +84,7 @@ class Pursued:
             size_m=self.size_m + gain * (size_m - self.size_m),
             sigma_size_m=sigma_m,
             R_world_box=R,
+            box_px=obstacle.detection.box_px,
             last_ns=now_ns,
             seen=self.seen + 1,
             missed=0,
@@ -125,6 +130,7 @@ class Pursued:
             "size_m": self.size_m.tolist(),
             "sigma_size_m": self.sigma_size_m.tolist(),
             "R_world_box": self.R_world_box.tolist(),
+            "box_px": list(self.box_px),
             "first_ns": self.first_ns,
             "last_ns": self.last_ns,
             "seen": self.seen,
@@ -139,6 +145,7 @@ class Pursued:
         def array(name: str) -> Float64:
             return np.array(fields[name], np.float64)
 
+        left, top, right, bottom = fields["box_px"]
         return cls(
             fields["track_id"],
             Belief(array("mean"), array("covariance")),
@@ -146,6 +153,7 @@ class Pursued:
             array("size_m"),
             array("sigma_size_m"),
             array("R_world_box"),
+            (left, top, right, bottom),
             fields["first_ns"],
             fields["last_ns"],
             fields["seen"],

@@ -22,7 +22,8 @@ from pseudolidar.obstacles.motion_filter import (
     summed,
 )
 from pseudolidar.obstacles.movers import mover_of_class
-from pseudolidar.obstacles.placing import RELATIVE, placed, relative_pose
+from pseudolidar.obstacles.overlap import BoxPx
+from pseudolidar.obstacles.placing import RELATIVE, all_placed, relative_pose
 from pseudolidar.obstacles.pursued import Pursued
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.box import Track
@@ -33,6 +34,8 @@ from pseudolidar.structures.pose import Pose
 # Without poses the camera's own motion is in that of everything: its speed, and by how much it
 # changes within a second, one standard deviation each.
 OWN_SPEED_M_S, OWN_WANDER_M_S = 10.0, 1.5
+# For so long a box in the picture tells where it will be.
+MOMENT_S = 0.25
 # What stands mostly goes on standing: its velocity changes by this share of what that of a thing
 # does which moves at this speed or faster.
 STANDING_SHARE, BRISK_M_S = 0.3, 4.0
@@ -127,7 +130,7 @@ class Following:
         if T.src != LEFT_FRAME:
             raise StructureError(f"T_{T.dst}_{T.src}", want=f"T_map_{LEFT_FRAME}", where="Tracker")
         ended = self._begin_frame(timestamp_ns, T)
-        places = [placed(each, T, self.settings.persistent) for each in obstacles]
+        places = all_placed(obstacles, T, self.settings.persistent)
         tracks: dict[int, Pursued] = {}
         # Believed tracks choose first: a doubtful one must not take what is theirs.
         for believed in (True, False):
@@ -190,13 +193,19 @@ class Following:
         left = [index for index in range(len(obstacles)) if index not in tracks]
         old = [one for one in self._pursued if one.confirmed is believed]
         for row, column in assigned(
-            [(one.name, one.belief) for one in old],
-            [(obstacles[index].detection.name, places[index]) for index in left],
+            [(one.name, one.belief, self._box_of_late(one)) for one in old],
+            [(obstacles[i].detection.name, places[i], obstacles[i].detection.box_px) for i in left],
         ):
             index = left[column]
             one = old[row].again(obstacles[index], places[index], T, self._now_ns)
             confirmed = one.confirmed or one.seen >= self.settings.confirm
             tracks[index] = replace(one, confirmed=confirmed)
+
+    def _box_of_late(self, one: Pursued) -> BoxPx | None:
+        """Its box in the picture, where that was a moment ago."""
+        assert self._now_ns is not None  # _begin_frame
+        late = self._now_ns - one.last_ns <= MOMENT_S * NS_PER_S
+        return one.box_px if late else None
 
     def _begun(self, obstacle: Obstacle, place: Place, T: Pose) -> Pursued:
         assert self._now_ns is not None  # _begin_frame

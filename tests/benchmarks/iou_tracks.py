@@ -88,7 +88,7 @@ class IouTracker:
 
 def _told(one: PictureTrack, obstacle: Obstacle, T: Pose) -> ToldTrack:
     velocity = None if one.velocity is None else T.matrix[:3, :3].T @ one.velocity
-    return ToldTrack(one.number, obstacle.box, velocity)
+    return ToldTrack(one.number, obstacle.box, velocity, box_px=obstacle.detection.box_px)
 
 
 def _measured(obstacle: Obstacle) -> Float64:

@@ -27,10 +27,18 @@ HEAD = (
 
 def told(followed: Followed) -> list[ToldTrack]:
     """What a user is told: tracks that are believed, and where those are that are hidden."""
-    seen = [o.track for o in followed.obstacles if o.track and o.track.state == "confirmed"]
-    return [ToldTrack(t.track_id, t.box, t.velocity_m_s, t.sigma_velocity_m_s) for t in seen] + [
-        ToldTrack(t.track_id, t.box, coasting=True) for t in followed.coasting
+    seen = [
+        ToldTrack(
+            one.track.track_id,
+            one.track.box,
+            one.track.velocity_m_s,
+            one.track.sigma_velocity_m_s,
+            box_px=one.detection.box_px,
+        )
+        for one in followed.obstacles
+        if one.track and one.track.state == "confirmed"
     ]
+    return seen + [ToldTrack(t.track_id, t.box, coasting=True) for t in followed.coasting]
 
 
 def score(settings: Tracker, frames: Iterable[Moment]) -> TrackScore:
