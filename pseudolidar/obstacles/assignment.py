@@ -12,12 +12,14 @@ from pseudolidar.obstacles.overlap import BoxPx, box_iou
 
 # 99.9 % of the chi-squared distribution with 3 degrees of freedom.
 GATE = 16.27
+# A box that is where it was a moment ago may be farther off: that was a bad measurement, or is one.
+WIDE_GATE, SAME_IOU = 4.0 * GATE, 0.5
 # Cost of boxes that do not overlap, where they are a moment apart.
 APART_COST = 10.0
 # An assignment that the gate forbids.
 NEVER = 1e6
 # Farther than so many of the largest sigma, the gate forbids it surely.
-FAR_SIGMAS = 4.1
+FAR_SIGMAS = 8.1
 
 
 def assigned(
@@ -41,10 +43,12 @@ def assigned(
     for row, (name, belief, box_px) in enumerate(known):
         for column, (other, place, other_px) in enumerate(seen):
             if may_be_one(name, other) and _may_be_near(belief, place):
+                overlap = 1.0 if box_px is None else box_iou(box_px, other_px)
                 _, distance, log_volume = belief.seen(place)
-                if distance <= GATE:
-                    apart = 0.0 if box_px is None else 1.0 - box_iou(box_px, other_px)
-                    cost[row, column] = distance + log_volume + APART_COST * apart
+                same_px = box_px is not None and overlap >= SAME_IOU
+                if distance <= (WIDE_GATE if same_px else GATE):
+                    apart = APART_COST * (1.0 - overlap)
+                    cost[row, column] = min(distance, GATE) + log_volume + apart
     rows, columns = linear_sum_assignment(cost)
     pairs = zip(rows.tolist(), columns.tolist(), strict=True)
     return [(row, column) for row, column in pairs if cost[row, column] < NEVER]

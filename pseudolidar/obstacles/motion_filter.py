@@ -8,7 +8,7 @@ operations, without BLAS: the same input gives the same bits for any number of t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,8 @@ SIZE, TURN, LASTING = 8, 6, 7
 PLACE, VELOCITY = slice(0, 3), slice(3, 6)
 # Below this angle a turn is computed by its series, rad.
 SMALL_TURN = 1e-4
+# Squared Mahalanobis distance from which a measurement is doubted.
+DOUBTED = 4.0
 # What rises or sinks changes its velocity by this share of what it does on the level.
 UPRIGHT_SHARE = 0.2
 
@@ -121,6 +123,17 @@ class Belief:
         covariance = product(product(F, self.covariance), np.ascontiguousarray(F.T))
         covariance += _noise(seconds, dynamics, keeps_turn, keeps_error)
         return Belief(mean, 0.5 * (covariance + covariance.T))
+
+    def seen_with_doubt(self, place: Place) -> Belief:
+        """What is believed after a measurement that may be worse than it says.
+
+        One that is farther off than two sigmas counts as if its own sigma were as much larger.
+        """
+        after, distance, _ = self.seen(place)
+        if distance <= DOUBTED:
+            return after
+        sigma_m = place.sigma_m * math.sqrt(distance / DOUBTED)
+        return self.seen(replace(place, sigma_m=sigma_m))[0]
 
     def seen(self, place: Place) -> tuple[Belief, float, float]:
         """What is believed after a measurement; how far off it was, and how vague this is.

@@ -20,7 +20,7 @@ class Mover:
     wander_m_s: float
 
 
-VEHICLE = Mover("vehicle", 12.0, 1.0)
+VEHICLE = Mover("vehicle", 8.0, 1.0)
 PERSON = Mover("person", 1.5, 0.3)
 CYCLIST = Mover("person", 5.0, 0.8)
 FIXED = Mover("fixed", 0.3, 0.1)

@@ -22,6 +22,8 @@ RELATIVE = "camera_body"
 LEAST_SIGMA_M = 0.05
 # Of the middle of a thing whose edges are seen: so much for what it is like, and 3 px of KITTI.
 EDGES_SIGMA_M, EDGES_SIGMA_RAD = 0.1, 0.004
+# The middle of a thing of which a part may be hidden may be off by this share of its longest side.
+HIDDEN_SHARE = 0.25
 # Boxes that are this close may hide a part of each other.
 BESIDE_PX = 4.0
 # Weight of the rule that errors lie along the ray, against what the box's own axes tell of it:
@@ -66,6 +68,9 @@ def placed(
         total = along_m**2 + aside_m**2
         aside_m = min(aside_m, EDGES_SIGMA_M + EDGES_SIGMA_RAD * float(centre[2]))
         along_m = math.sqrt(total - aside_m**2)
+    else:
+        hidden_m = HIDDEN_SHARE * max(obstacle.box.length_m, obstacle.box.width_m)
+        aside_m = math.hypot(aside_m, hidden_m)
     return Place(
         T_world_camera.apply(centre[None])[0],
         np.stack([ray, across, upright]),

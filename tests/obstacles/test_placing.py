@@ -9,7 +9,7 @@ import pytest
 
 from pseudolidar.geometry.frames import R_BODY_OPTICAL
 from pseudolidar.obstacles.contact import contact_of
-from pseudolidar.obstacles.placing import placed, relative_pose
+from pseudolidar.obstacles.placing import all_placed, placed, relative_pose
 from pseudolidar.structures.box import Box3D, Detection
 from pseudolidar.structures.obstacle import Obstacle
 from pseudolidar.structures.pose import Pose
@@ -32,7 +32,7 @@ def test_the_error_along_the_ray_is_found_whatever_way_a_box_is_turned(heading_d
     width = math.sqrt(along**2 * s2 + across**2 * c2)
     box = turned_box(heading, 0.0, 30.0, [length, width, 0.1])
     one = Obstacle(Detection("Car", (0.0, 0.0, 1.0, 1.0)), 28.0, along, box, 0.1)
-    place = placed(one, relative_pose(), 0.5, edges_seen=False)
+    place = placed(one, relative_pose(), 0.5, edges_seen=True)
     np.testing.assert_allclose(place.xyz, [30.0, 0.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(place.axes @ place.axes.T, np.eye(3), atol=1e-12)
     np.testing.assert_allclose(place.axes[0], [1.0, 0.0, 0.0], atol=1e-12)
@@ -46,9 +46,23 @@ def test_a_ray_to_the_side_is_turned_with_the_camera() -> None:
     box = turned_box(0.0, 10.0, 10.0, [0.5, 0.5, 0.1])
     one = Obstacle(Detection("Car", (0.0, 0.0, 1.0, 1.0)), 8.0, 0.5, box, 0.1)
     at = Pose.from_rotation("map", "camera_left", R_BODY_OPTICAL, np.array([5.0, 0.0, 2.0]))
-    place = placed(one, at, 0.0, edges_seen=False)
+    place = placed(one, at, 0.0, edges_seen=True)
     np.testing.assert_allclose(place.xyz, [15.0, -10.0, 2.0], atol=1e-12)
     np.testing.assert_allclose(place.axes[0], [math.sqrt(0.5), -math.sqrt(0.5), 0.0], atol=1e-12)
+
+
+def test_what_may_be_hidden_in_part_is_less_sure_across() -> None:
+    def seen(z: float, left: float, right: float) -> Obstacle:
+        box = turned_box(0.0, 0.0, z, [0.3, 0.1, 0.1])
+        return Obstacle(Detection("Car", (left, 0.0, right, 50.0)), z - 2.0, 0.3, box, 0.1)
+
+    alone = all_placed([seen(30.0, 100, 140)], relative_pose(), 0.5)[0].sigma_m[1]
+    far, near = all_placed([seen(30.0, 100, 140), seen(15.0, 142, 200)], relative_pose(), 0.5)
+    assert alone < 0.15
+    assert far.sigma_m[1] > 0.9  # a quarter of its 4 m may be behind the nearer one
+    assert near.sigma_m[1] < 0.15
+    far, _ = all_placed([seen(30.0, 100, 140), seen(15.0, 160, 200)], relative_pose(), 0.5)
+    assert far.sigma_m[1] == pytest.approx(alone)
 
 
 def test_the_sigma_of_a_contact_is_that_of_drawn_ones() -> None:
