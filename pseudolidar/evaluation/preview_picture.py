@@ -45,18 +45,18 @@ def compose(panels: tuple[Panel, ...], view: Panel, caption: str) -> UInt8:
         view: seen from above, as large as `side_of_view` says.
         caption: below.
     """
-    columns = [_labelled(view.pixels, view.label)]
+    columns = [labelled(view.pixels, view.label)]
     if panels:
         height, width = panels[0].pixels.shape[:2]
         size_px = _panel_px((width, height))
-        shown = [_labelled(_resized(panel, size_px), panel.label) for panel in panels]
+        shown = [labelled(resized(panel, size_px), panel.label) for panel in panels]
         gap = np.full((MARGIN_PX, size_px[0], 3), NOTHING, np.uint8)
         columns.insert(0, np.vstack([shown[0], gap, *shown[1:]]))
         columns.insert(1, np.full((columns[0].shape[0], MARGIN_PX, 3), NOTHING, np.uint8))
     row = np.hstack(columns)
     bar = np.full((CAPTION_PX, row.shape[1], 3), NOTHING, np.uint8)
     write_on(bar, caption, (10, 23), 0.6)
-    return _even(np.vstack([row, bar]))
+    return even(np.vstack([row, bar]))
 
 
 def _panel_px(photo_px: tuple[int, int]) -> tuple[int, int]:
@@ -68,7 +68,8 @@ def _panel_px(photo_px: tuple[int, int]) -> tuple[int, int]:
     return wide, high
 
 
-def _resized(panel: Panel, size_px: tuple[int, int]) -> UInt8:
+def resized(panel: Panel, size_px: tuple[int, int]) -> UInt8:
+    """(H, W, 3) RGB of a panel at (width, height)."""
     import cv2
 
     pixels = panel.pixels if panel.pixels.ndim == 3 else panel.pixels[:, :, None].repeat(3, axis=2)
@@ -79,13 +80,15 @@ def _resized(panel: Panel, size_px: tuple[int, int]) -> UInt8:
     )
 
 
-def _labelled(pixels: UInt8, label: str) -> UInt8:
+def labelled(pixels: UInt8, label: str) -> UInt8:
+    """A picture with a label in its upper left corner."""
     labelled = pixels.copy()
     write_on(labelled, label, (8, 18))
     return labelled
 
 
-def _even(picture: UInt8) -> UInt8:
+def even(picture: UInt8) -> UInt8:
+    """With even width and height, as films need them."""
     height, width = picture.shape[:2]
     return np.ascontiguousarray(
         np.pad(picture, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")

@@ -228,21 +228,48 @@ def write_preview(run: Run, source: FrameSequence[Frame], preview: Preview) -> N
     Raises:
         OutputError: the disk is full or gone; then there is no video.
     """
-    path = run.folder / PREVIEW_NAME
+
+    def picture(name: str) -> UInt8:
+        return np.asarray(read_image(inside(run.folder, preview_name(name))).pixels, np.uint8)
+
+    write_film(run, source, PREVIEW_NAME, picture, speed=preview.speed)
+
+
+def write_film(
+    run: Run,
+    source: FrameSequence[Frame],
+    name: str,
+    picture: Callable[[str], UInt8],
+    *,
+    speed: float = 1.0,
+) -> None:
+    """Put a picture of each committed frame together, at the pace of their times.
+
+    Nothing is done where the film is there and no frame has come since.
+
+    Args:
+        run: which has committed the frames.
+        source: knows the times.
+        name: of the film in the output folder.
+        picture: of a frame, by its id.
+        speed: how many times as fast as recorded.
+
+    Raises:
+        OutputError: the disk is full or gone; then there is no film.
+    """
+    path = run.folder / name
     result = run.result()
     names = [record.id for record in result.committed]
     if not names or (path.exists() and not result.passed_now):
         return
     times = dict(zip(source.ids, source.timestamps_ns, strict=True))
-    steps = steps_ticks([times[name] for name in names], preview.speed)
+    steps = steps_ticks([times[name] for name in names], speed)
     ticks = np.concatenate([[0], np.cumsum(steps[:-1])]).astype(np.int64)
-    with FrameProgress(len(names), what="preview") as progress:
+    with FrameProgress(len(names), what=path.stem) as progress:
 
         def pictures() -> Iterator[UInt8]:
             for name in names:
-                yield np.asarray(
-                    read_image(inside(run.folder, preview_name(name))).pixels, np.uint8
-                )
+                yield picture(name)
                 progress.advance()
 
         write_mp4(path, _of_one_size(pictures()), ticks.tolist(), last_ticks=int(steps[-1]))

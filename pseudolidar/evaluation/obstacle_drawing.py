@@ -1,0 +1,247 @@
+"""Obstacles drawn into a photo, and into a view from above."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pseudolidar.evaluation.captions import write_on
+from pseudolidar.evaluation.free_place import Places, Rectangle
+from pseudolidar.formats.obstacle_words import (
+    colour_by_distance,
+    distance_text,
+    moves,
+    name_text,
+    speed_text,
+)
+from pseudolidar.structures.arrays import Float64, UInt8
+from pseudolidar.structures.box import BOX_EDGES, Box3D
+from pseudolidar.structures.obstacle import Obstacle
+
+# Edges are cut where they come nearer than this to the image plane, m.
+NEAREST_M = 0.2
+# Fixed-point digits of OpenCV's drawing, and the largest coordinate that it is given, px.
+SHIFT, FARTHEST_PX = 4, 30_000.0
+TEXT_SIZE, LINE_PX, PAD_PX = 0.42, 15, 3
+ABOVE_TEXT_SIZE = 0.38
+# A label's ground is darkened to this share.
+GROUND = 0.35
+# Boxes nearer than this have thicker lines, m.
+THICK_BELOW_M = 25.0
+# An arrow is as long as the way of this time, s.
+ARROW_S, ARROW_TIP = 1.0, 0.25
+# A line leads to a label that is farther off than this, px.
+LEADER_PX = 8
+BOTTOM_CORNERS = (0, 2, 6, 4)
+
+
+@dataclass(frozen=True, eq=False)
+class AboveView:
+    """Where things are in a view from above.
+
+    Args:
+        side_px: its width and height.
+        ahead_m: how far it reaches ahead; to each side half as far.
+    """
+
+    side_px: int
+    ahead_m: float
+
+    def pixels(self, xyz_m: Float64) -> Float64:
+        """(N, 2) x, y in the picture of (N, 3) points in `camera_left`."""
+        per_px = self.ahead_m / self.side_px
+        ahead, right = xyz_m[:, 2], xyz_m[:, 0]
+        return np.stack(
+            [(self.ahead_m / 2 + right) / per_px, (self.ahead_m - ahead) / per_px], axis=1
+        )
+
+
+def draw_in_photo(
+    photo: UInt8, obstacles: Sequence[Obstacle], K: Float64, *, scale: float = 1.0
+) -> None:
+    """Boxes and their edges in space, the near over the far, then labels that cover no other.
+
+    Args:
+        photo: (H, W, 3) RGB, changed.
+        obstacles: in `camera_left`.
+        K: (3, 3) of the photo at its own size.
+        scale: size of `photo` in relation to that.
+    """
+    near_first = sorted(obstacles, key=lambda one: one.distance_m)
+    for obstacle in reversed(near_first):
+        colour = colour_by_distance(obstacle.distance_m)
+        thick = 2 if obstacle.distance_m < THICK_BELOW_M else 1
+        corners = _scaled(obstacle.detection.box_px, scale)
+        _lines(photo, [(corners[i], corners[(i + 1) % 4]) for i in range(4)], colour, 1)
+        _lines(photo, _edges_px(obstacle.box, K, scale), colour, thick)
+    boxes = [_inside(_scaled(one.detection.box_px, scale), photo) for one in near_first]
+    places = Places((photo.shape[1], photo.shape[0]), boxes)
+    for obstacle, box in zip(near_first, boxes, strict=True):
+        first = [name_text(obstacle), speed_text(obstacle)]
+        lines = ["  ".join(part for part in first if part), distance_text(obstacle)]
+        _label(photo, places, lines, box, colour_by_distance(obstacle.distance_m))
+
+
+def draw_from_above(picture: UInt8, obstacles: Sequence[Obstacle], view: AboveView) -> None:
+    """Footprints, error bars along the ray, arrows of one second, and labels.
+
+    Args:
+        picture: (side, side, 3) RGB, changed.
+        obstacles: in `camera_left`.
+        view: of the picture.
+    """
+    near_first = sorted(obstacles, key=lambda one: one.distance_m)
+    for obstacle in reversed(near_first):
+        colour = colour_by_distance(obstacle.distance_m)
+        corners = view.pixels(obstacle.box.corners_m()[list(BOTTOM_CORNERS)])
+        _lines(picture, [(corners[i], corners[(i + 1) % 4]) for i in range(4)], colour, 2)
+        _lines(picture, [_error_bar(obstacle, view)], (255, 255, 255), 1)
+        _arrow(picture, obstacle, view, colour)
+    shown = [one for one in near_first if _is_in(view, one)]
+    footprints = [_around(view.pixels(one.box.corners_m())) for one in shown]
+    places = Places((picture.shape[1], picture.shape[0]), footprints)
+    for obstacle, beside in zip(shown, footprints, strict=True):
+        name = "" if obstacle.track is None else f"{obstacle.track.track_id}:"
+        speed = speed_text(obstacle)
+        text = " ".join(part for part in (name, f"{obstacle.distance_m:.1f} m", speed) if part)
+        colour = colour_by_distance(obstacle.distance_m)
+        _label(picture, places, [text], beside, colour, size=ABOVE_TEXT_SIZE)
+
+
+def _is_in(view: AboveView, obstacle: Obstacle) -> bool:
+    (middle,) = view.pixels(obstacle.box.pose.translation_m[None])
+    return bool((middle >= 0).all() and (middle < view.side_px).all())
+
+
+def _around(corners: Float64) -> Rectangle:
+    (left, top), (right, bottom) = np.floor(corners.min(axis=0)), np.ceil(corners.max(axis=0))
+    return int(left), int(top), int(right), int(bottom)
+
+
+def _scaled(box_px: tuple[float, float, float, float], scale: float) -> Float64:
+    """(4, 2) corners of a box in the picture, around it."""
+    left, top, right, bottom = (scale * (edge + 0.5) - 0.5 for edge in box_px)
+    return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
+
+
+def _edges_px(box: Box3D, K: Float64, scale: float) -> list[tuple[Float64, Float64]]:
+    """Ends of the edges in the picture, cut where they are behind the camera."""
+    corners = box.corners_m()
+    cut = (_in_front(corners[a], corners[b]) for a, b in BOX_EDGES)
+    return [(_pixel(a, K, scale), _pixel(b, K, scale)) for a, b in (e for e in cut if e)]
+
+
+def _in_front(a: Float64, b: Float64) -> tuple[Float64, Float64] | None:
+    """The part of an edge that is in front of the camera."""
+    if max(a[2], b[2]) <= NEAREST_M:
+        return None
+    if a[2] < NEAREST_M:
+        a = b + (a - b) * (b[2] - NEAREST_M) / (b[2] - a[2])
+    elif b[2] < NEAREST_M:
+        b = a + (b - a) * (a[2] - NEAREST_M) / (a[2] - b[2])
+    return a, b
+
+
+def _pixel(point: Float64, K: Float64, scale: float) -> Float64:
+    x, y, z = point
+    u = (K[0, 0] * x + K[0, 1] * y) / z + K[0, 2]
+    v = K[1, 1] * y / z + K[1, 2]
+    return np.array([scale * (u + 0.5) - 0.5, scale * (v + 0.5) - 0.5])
+
+
+def _lines(
+    picture: UInt8,
+    lines: Sequence[tuple[Float64, Float64]],
+    colour: tuple[int, int, int],
+    thick: int,
+) -> None:
+    import cv2
+
+    for a, b in lines:
+        cv2.line(picture, _fixed(a), _fixed(b), colour, thick, cv2.LINE_AA, SHIFT)
+
+
+def _fixed(point: Float64) -> tuple[int, int]:
+    x, y = np.rint(np.clip(point, -FARTHEST_PX, FARTHEST_PX) * 2**SHIFT)
+    return int(x), int(y)
+
+
+def _error_bar(obstacle: Obstacle, view: AboveView) -> tuple[Float64, Float64]:
+    """One standard deviation each way from the nearest face, along the ray."""
+    x, _, z = obstacle.box.pose.translation_m
+    ends = [
+        (obstacle.distance_m + side * obstacle.sigma_distance_m) * np.array([x / z, 0.0, 1.0])
+        for side in (-1, 1)
+    ]
+    near, far = view.pixels(np.array(ends))
+    return near, far
+
+
+def _arrow(
+    picture: UInt8, obstacle: Obstacle, view: AboveView, colour: tuple[int, int, int]
+) -> None:
+    import cv2
+
+    track = obstacle.track
+    if track is None or not moves(obstacle):
+        return
+    centre = obstacle.box.pose.translation_m
+    begin, end = view.pixels(np.stack([centre, centre + ARROW_S * track.velocity_m_s]))
+    cv2.arrowedLine(
+        picture, _whole(begin), _whole(end), colour, 2, cv2.LINE_AA, tipLength=ARROW_TIP
+    )
+
+
+def _whole(point: Float64) -> tuple[int, int]:
+    x, y = np.rint(np.clip(point, -FARTHEST_PX, FARTHEST_PX))
+    return int(x), int(y)
+
+
+def _inside(box: Float64, picture: UInt8) -> Rectangle:
+    """The part of a box that is in the picture."""
+    high, wide = picture.shape[:2]
+    (left, top), (right, bottom) = np.rint(np.clip(box[[0, 2]], 0, (wide, high)))
+    return int(left), int(top), int(right), int(bottom)
+
+
+def _label(
+    picture: UInt8,
+    places: Places,
+    lines: Sequence[str],
+    beside: Rectangle,
+    colour: tuple[int, int, int],
+    *,
+    size: float = TEXT_SIZE,
+) -> None:
+    """Lines on darkened ground where there is room; nothing where there is none."""
+    import cv2
+
+    font = cv2.FONT_HERSHEY_SIMPLEX
+    widths = [cv2.getTextSize(line, font, size, 1)[0][0] for line in lines]
+    width, height = max(widths) + 2 * PAD_PX, len(lines) * LINE_PX + PAD_PX
+    place = places.take((width, height), beside)
+    if place is None:
+        return
+    left, top = place
+    ground = picture[top : top + height, left : left + width]
+    ground[:] = (ground * GROUND).astype(np.uint8)
+    _leader(picture, (left, top, left + width, top + height), beside, colour)
+    picture[top : top + height, left : left + 2] = colour
+    for row, line in enumerate(lines, start=1):
+        write_on(picture, line, (left + PAD_PX + 1, top + row * LINE_PX - 3), size)
+
+
+def _leader(
+    picture: UInt8, label: Rectangle, beside: Rectangle, colour: tuple[int, int, int]
+) -> None:
+    """A line from a label to what it belongs to, where they are apart."""
+    import cv2
+
+    above, below = beside[1] - label[3], label[1] - beside[3]
+    if max(above, below) <= LEADER_PX:
+        return
+    x = min(max(label[0], (beside[0] + beside[2]) // 2), label[2])
+    begin, end = (label[3], beside[1]) if above > 0 else (label[1], beside[3])
+    cv2.line(picture, (x, begin), ((beside[0] + beside[2]) // 2, end), colour, 1, cv2.LINE_AA)
