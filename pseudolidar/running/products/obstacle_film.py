@@ -7,8 +7,9 @@ shows, as any other file of it, and obstacles are drawn into that when the film 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -45,6 +46,10 @@ from pseudolidar.structures.recorded import Frame
 if TYPE_CHECKING:
     from pseudolidar.running.run import Run
 
+# The view from above reaches no farther: farther things are not told from each other there, m.
+MOST_AHEAD_M = 60.0
+# What is red in the picture of depth is nearer than what is blue by this.
+RED_SHARE = 20.0
 FILM_NAME, FILM_FOLDER = "obstacles.mp4", ".pictures"
 
 
@@ -83,7 +88,8 @@ class ObstacleArtist:
             sight: picklable.
             crew: how frames are done.
         """
-        return cls(PreviewArtist.of(Preview(), source, SightScales(sight), crew=crew).scales)
+        scales = PreviewArtist.of(Preview(), source, SightScales(sight), crew=crew).scales
+        return cls(replace(scales, ahead_m=min(scales.ahead_m, MOST_AHEAD_M)))
 
     def files(self, frame: Frame, seen: Seen) -> list[OutputFile]:
         """What a frame shows, and what is needed to draw into it."""
@@ -109,8 +115,9 @@ class ObstacleArtist:
     def _maps(self, seen: Seen) -> tuple[Panel, ...]:
         """Disparity of a pair, and depth; near is red and far is blue in both."""
         blue_m = self.scales.ahead_m
-        depth = turbo(-seen.sight.depth.values, -blue_m, 0.0)
-        maps = (Panel(depth, f"depth, blue: {blue_m:g} m", exact=True),)
+        red_m = blue_m / RED_SHARE
+        depth = turbo(-np.log(seen.sight.depth.values), -math.log(blue_m), -math.log(red_m))
+        maps = (Panel(depth, f"depth, red: {red_m:.2g} m, blue: {blue_m:g} m", exact=True),)
         if seen.disparity is None:
             return maps
         red_px = self.scales.near
