@@ -16,8 +16,7 @@ from pseudolidar.formats.regions import NO_CLASS
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.box_in_view import across_m
-from pseudolidar.obstacles.measure import measured
-from pseudolidar.obstacles.plausible import EDGE_PX
+from pseudolidar.obstacles.measure import DRAWN_PX, measured
 from pseudolidar.obstacles.regions import Boxes, Regions
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import Recognised
@@ -228,7 +227,7 @@ def _row(one: Measured) -> tuple[str, ...]:
 def _sigma_across_m(one: Measured) -> float:
     """Both edges of the box in the picture, and the distance that they are seen at."""
     obstacle = one.obstacle
-    edges_m = np.sqrt(2.0) * EDGE_PX * obstacle.distance_m / one.focal_px
+    edges_m = np.sqrt(2.0) * DRAWN_PX * obstacle.distance_m / one.focal_px
     share = obstacle.sigma_distance_m / obstacle.distance_m
     return float(np.hypot(edges_m, share * across_m(obstacle.box)))
 

@@ -109,9 +109,9 @@ def _standing(sight: Sight, heights: Float32 | None) -> Bool:
 def _own_per_depth_squared(sight: Sight) -> float:
     """Sigma of one depth against its neighbours' over its square, 1/m."""
     if sight.depth.sigma is None:
-        if sight.baseline_m is None:
+        if sight.rig is None:
             return UNTOLD_PER_DEPTH_SQUARED
-        return UNTOLD_PX / (sight.camera.focal_px * sight.baseline_m)
+        return UNTOLD_PX / sight.rig.fB_px_m
     sparse = sight.depth.values[::4, ::4], sight.depth.sigma[::4, ::4]
     relative = (sparse[1] / sparse[0] ** 2)[np.isfinite(sparse[0]) & np.isfinite(sparse[1])]
     if not len(relative):

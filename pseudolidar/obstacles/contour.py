@@ -21,8 +21,12 @@ MOST_BEARINGS, LEAST_PER_BEARING = 48, 2
 FRONT, FLAT = 0.2, 0.5
 # Pixels of a square with this side are matched by much the same windows and share their errors.
 PATCH_PX = 9.0
+# Half of the directions of what is flat lie within so many sigmas, or this share of the depth.
+FLAT_SIGMAS, FLAT_REL = 2.0, 0.02
 # Unevenness of flat things, m.
 LEAST_ROUGH_M = 0.02
+# Directions that stand for a thing that faces the camera.
+FACING = 7
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +47,18 @@ class Contour:
 
     def __len__(self) -> int:
         return len(self.bearing)
+
+    @property
+    def near_m(self) -> float:
+        """About where it is nearest."""
+        return float(np.quantile(self.depth_m, 0.1))
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether it is all at one depth, as far as its errors tell."""
+        low, high = np.quantile(self.depth_m, (0.25, 0.75))
+        allowed_m = max(FLAT_SIGMAS * float(np.median(self.sigma_m)), FLAT_REL * float(low))
+        return float(high - low) <= allowed_m
 
 
 def upright_part(pixels: Frustum) -> Frustum:
@@ -73,3 +89,17 @@ def contour_of(pixels: Frustum, bearing: Float64, round_m: float) -> Contour:
     sigma = np.hypot(pixels.sigma_m[front], max(round_m, LEAST_ROUGH_M))
     independent = float(np.clip(len(pixels) / PATCH_PX**2, 1.0, len(front)))
     return Contour(bearing[front], pixels.depth_m[front] - round_m, sigma, independent)
+
+
+def flat_contour(left: float, right: float, depth_m: float, sigma_m: float) -> Contour:
+    """That of a thing that faces the camera, known at one depth.
+
+    Args:
+        left: bearing of its left edge.
+        right: of its right one.
+        depth_m: Z.
+        sigma_m: one standard deviation.
+    """
+    bearing = np.linspace(left, right, FACING + 2)[1:-1]
+    same = np.ones(FACING)
+    return Contour(bearing, depth_m * same, sigma_m * same, 1.0)

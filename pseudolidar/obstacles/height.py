@@ -49,19 +49,19 @@ def upright_span(sight: Sight, detection: Detection, pixels: Frustum, near_m: fl
     Args:
         sight: the frame.
         detection: the box.
-        pixels: of the object.
+        pixels: of the object; may be none.
         near_m: depth of its near side.
     """
     size = size_of_class(detection.name)
     _, top, _, bottom = detection.box_px
     fy, cy = float(sight.camera.K[1, 1]), float(sight.camera.K[1, 2])
-    depth_m = near_m + EDGE_DEPTH * size.length_m[0]
+    depth_m = near_m + (EDGE_DEPTH * size.length_m[0] if size.round_m else 0.0)
     usual_m, usual_sigma_m = size.height_m
     seen_m = max((bottom - top) * depth_m / fy, 1e-3)
-    far = float(np.median(pixels.sigma_m / pixels.depth_m))
+    far = float(np.median(pixels.sigma_m / pixels.depth_m)) if len(pixels) else 0.0
     sigma_m = float(np.hypot(EDGE_PX * depth_m / fy, np.hypot(EDGE_SHARE, far) * seen_m))
     if top <= BORDER_PX or bottom >= sight.camera.height_px - 1 - BORDER_PX:
-        reach_m = float(np.quantile(pixels.height_m, 0.98))
+        reach_m = float(np.quantile(pixels.height_m, 0.98)) if len(pixels) else 0.0
         height_m, sigma_height_m = max(usual_m, reach_m), usual_sigma_m
     else:
         a, b = sigma_m**-2, usual_sigma_m**-2

@@ -9,11 +9,12 @@ import numpy as np
 
 from pseudolidar.geometry.box_in_view import nearest_depth_m
 from pseudolidar.obstacles.class_sizes import ClassSize, size_of_class
-from pseudolidar.obstacles.contour import contour_of, upright_part
+from pseudolidar.obstacles.contour import Contour, contour_of, flat_contour, upright_part
 from pseudolidar.obstacles.footprint import Edges, Footprint, fitted
 from pseudolidar.obstacles.frustum import Frustum
 from pseudolidar.obstacles.height import Span, upright_span
 from pseudolidar.obstacles.level import level_axes, turned
+from pseudolidar.obstacles.patch import PatchDepth, patch_depth
 from pseudolidar.obstacles.plausible import BORDER_PX, EDGE_PX, by_footing, by_size, is_cut
 from pseudolidar.obstacles.separate import Owned, separated
 from pseudolidar.obstacles.sight import Sight
@@ -25,11 +26,13 @@ from pseudolidar.structures.pose import Pose
 
 # What counts as the face of a thing (bumpers, mirrors, arms) is unsure by so many times how round
 # it is, and of flat things by this, m.
-FACE_ROUNDS, FACE_M = 1.5, 0.01
+FACE_ROUNDS, FACE_M = 1.5, 0.003
 # Something nearer fills this share of the box of what is occluded.
 OCCLUDED_SHARE = 0.1
 # Pixels well inside of the box are used alone where there are so many.
 LEAST_INNER = 30
+# How well the edges of boxes lie that somebody drew around a flat thing, px.
+DRAWN_PX = 1.0
 # Share of a box that has points where everything is seen well; confidence of mere sizes.
 WELL_FILLED, BY_SIZE_CONFIDENCE = 0.3, 0.1
 
@@ -50,27 +53,41 @@ def measured(sight: Sight, detections: Sequence[Detection]) -> tuple[Obstacle, .
 
 def _obstacle(sight: Sight, detection: Detection, owned: Owned, R: Float64) -> Obstacle:
     truncated, occluded = is_cut(sight, detection), owned.hidden > OCCLUDED_SHARE
-    if not len(owned.pixels):
+    size = size_of_class(detection.name)
+    contour = _contour(sight, _surest(owned.pixels), R, size) if len(owned.pixels) else None
+    patch = None
+    if not size.round_m and (contour is None or contour.is_flat):
+        patch = patch_depth(sight, detection)
+    if patch is not None:
+        contour = _facing(sight, detection, patch, R)
+    if contour is None:
         guess = _by_size(sight, detection, R)
         return replace(guess, truncated=truncated, occluded=occluded)
-    pixels = _surest(owned.pixels)
-    footprint = _footprint(sight, detection, pixels, R)
-    span = upright_span(sight, detection, pixels, footprint.nearest_m)
+    footprint = fitted(contour, _edges(sight, detection, R), size, contour.near_m)
+    span = upright_span(sight, detection, owned.pixels, footprint.nearest_m)
     box = _box(footprint, span, R, _shared_m(sight, footprint.nearest_m))
-    distance_m, sigma_m = _distance(sight, box, footprint, size_of_class(detection.name))
-    filled = min(1.0, float(owned.pixels.weight.sum()) / (WELL_FILLED * owned.pixels.area))
-    confidence = detection.score * filled * float(np.exp(0.5 * owned.log_plausible))
+    distance_m, sigma_m = _distance(sight, box, footprint, size, patch)
     return Obstacle(
         detection=detection,
         distance_m=distance_m,
         sigma_distance_m=sigma_m,
         box=box,
         sigma_heading_rad=_sigma_heading(footprint),
-        confidence=float(np.clip(confidence, 0.0, 1.0)),
+        measured_by="points" if patch is None else "patch",
+        confidence=_confidence(detection, owned, patch),
         truncated=truncated,
         occluded=occluded,
         pixels=owned.pixels.pixels,
     )
+
+
+def _confidence(detection: Detection, owned: Owned, patch: PatchDepth | None) -> float:
+    """0-1: score, how much of the box has points, how well size and footing fit."""
+    if patch is not None:
+        return float(np.clip(detection.score * patch.correlation, 0.0, 1.0))
+    filled = min(1.0, float(owned.pixels.weight.sum()) / (WELL_FILLED * owned.pixels.area))
+    confidence = detection.score * filled * float(np.exp(0.5 * owned.log_plausible))
+    return float(np.clip(confidence, 0.0, 1.0))
 
 
 def _surest(pixels: Frustum) -> Frustum:
@@ -78,7 +95,8 @@ def _surest(pixels: Frustum) -> Frustum:
     return pixels[inner] if np.count_nonzero(inner) >= LEAST_INNER else pixels
 
 
-def _footprint(sight: Sight, detection: Detection, pixels: Frustum, R: Float64) -> Footprint:
+def _contour(sight: Sight, pixels: Frustum, R: Float64, size: ClassSize) -> Contour:
+    """Of its upright part, in level axes."""
     upright = upright_part(pixels)
     xyz = turned(R, sight.xyz.reshape(-1, 3)[upright.pixels])
     level = replace(
@@ -86,10 +104,15 @@ def _footprint(sight: Sight, detection: Detection, pixels: Frustum, R: Float64) 
         depth_m=xyz[:, 2],
         sigma_m=_own_sigma(sight, upright) * xyz[:, 2] / upright.depth_m,
     )
-    size = size_of_class(detection.name)
-    contour = contour_of(level, xyz[:, 0] / xyz[:, 2], size.round_m)
-    near_m = float(np.quantile(contour.depth_m, 0.1))
-    return fitted(contour, _edges(sight, detection, xyz, R), size, near_m)
+    return contour_of(level, xyz[:, 0] / xyz[:, 2], size.round_m)
+
+
+def _facing(sight: Sight, detection: Detection, patch: PatchDepth, R: Float64) -> Contour:
+    """Of a patch, in level axes."""
+    left, top, right, bottom = detection.box_px
+    z = float((R @ _ray(sight, 0.5 * (left + right), 0.5 * (top + bottom)))[2])
+    first, last = (_bearing(sight, detection, u, R) for u in (left, right))
+    return flat_contour(first, last, patch.depth_m * z, patch.sigma_m * z)
 
 
 def _own_sigma(sight: Sight, pixels: Frustum) -> Float64:
@@ -99,22 +122,29 @@ def _own_sigma(sight: Sight, pixels: Frustum) -> Float64:
     return np.asarray(np.sqrt(np.maximum(own, 0.01 * pixels.sigma_m**2)))
 
 
-def _edges(sight: Sight, detection: Detection, xyz: Float64, R: Float64) -> Edges:
-    """Bearings of the left and right edge of the box, at the height of the points."""
+def _edges(sight: Sight, detection: Detection, R: Float64) -> Edges:
+    """Bearings of the left and right edge of the box."""
     left, _, right, _ = detection.box_px
-    K, width = sight.camera.K, sight.camera.width_px
-    middle = R.T @ np.median(xyz, axis=0)
-    row = middle[1] / middle[2]
-
-    def bearing(u: float) -> float:
-        x, _, z = R @ np.array([(u - K[0, 2]) / K[0, 0], row, 1.0])
-        return float(x / max(z, 1e-3))
-
+    edge_px = EDGE_PX if size_of_class(detection.name).round_m else DRAWN_PX
     return Edges(
-        None if left <= BORDER_PX else bearing(left),
-        None if right >= width - 1 - BORDER_PX else bearing(right),
-        EDGE_PX / float(K[0, 0]),
+        None if left <= BORDER_PX else _bearing(sight, detection, left, R),
+        None
+        if right >= sight.camera.width_px - 1 - BORDER_PX
+        else _bearing(sight, detection, right, R),
+        edge_px / sight.camera.focal_px,
     )
+
+
+def _bearing(sight: Sight, detection: Detection, u: float, R: Float64) -> float:
+    """X / z in level axes of a column, at half the height of the box."""
+    x, _, z = R @ _ray(sight, u, 0.5 * (detection.box_px[1] + detection.box_px[3]))
+    return float(x / max(z, 1e-3))
+
+
+def _ray(sight: Sight, u: float, v: float) -> Float64:
+    """(3,) of a pixel, z = 1."""
+    K = sight.camera.K
+    return np.array([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], 1.0])
 
 
 def _box(footprint: Footprint, span: Span, R: Float64, shared_m: float) -> Box3D:
@@ -143,13 +173,17 @@ def _box_sigma(footprint: Footprint, span: Span, shared_m: float) -> Float64:
 
 
 def _distance(
-    sight: Sight, box: Box3D, footprint: Footprint, size: ClassSize
+    sight: Sight, box: Box3D, footprint: Footprint, size: ClassSize, patch: PatchDepth | None
 ) -> tuple[float, float]:
-    distance_m = nearest_depth_m(box, sight.camera) or footprint.nearest_m
-    shared_m = _shared_m(sight, distance_m)
+    """Of the nearest corner in view; of a patch that of itself, as it is flat."""
+    if patch is not None:
+        distance_m, fit_m = patch.depth_m, patch.sigma_m
+    else:
+        distance_m = nearest_depth_m(box, sight.camera) or footprint.nearest_m
+        fit_m = footprint.sigma_nearest_m
     face_m = max(FACE_M, FACE_ROUNDS * size.round_m)
-    sigma_m = float(np.sqrt(footprint.sigma_nearest_m**2 + shared_m**2 + face_m**2))
-    return distance_m, sigma_m
+    shared_m = _shared_m(sight, distance_m)
+    return distance_m, float(np.sqrt(fit_m**2 + shared_m**2 + face_m**2))
 
 
 def _shared_m(sight: Sight, depth_m: float) -> float:
@@ -172,13 +206,12 @@ def _by_size(sight: Sight, detection: Detection, R: Float64) -> Obstacle:
     distance_m = float(weights @ [guess.depth_m for guess in guesses] / weights.sum())
     sigma_m = float(weights.sum() ** -0.5)
     left, top, right, bottom = detection.box_px
-    K = sight.camera.K
-    middle = np.array(
-        [(0.5 * (left + right) - K[0, 2]) / K[0, 0], (0.5 * (top + bottom) - K[1, 2]) / K[1, 1], 1]
-    )
+    middle = _ray(sight, 0.5 * (left + right), 0.5 * (top + bottom))
     centre = middle * (distance_m + 0.5 * size.length_m[0])
     axes = R.T @ np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-    sigma = np.array([sigma_m, *[sigma_m * EDGE_PX / K[0, 0] + FACE_M] * 2, *size.sigma_m])
+    sigma = np.array(
+        [sigma_m, *[sigma_m * EDGE_PX / sight.camera.focal_px + FACE_M] * 2, *size.sigma_m]
+    )
     pose = Pose.from_rotation(LEFT_FRAME, "box", axes, centre)
     length_m, width_m, height_m = (float(m) for m in size.mean_m)
     return Obstacle(

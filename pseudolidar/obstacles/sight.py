@@ -11,7 +11,7 @@ from pseudolidar.errors import StructureError
 from pseudolidar.geometry.planes import Plane
 from pseudolidar.structures.arrays import Bool, Float32, Image, check_array
 from pseudolidar.structures.box import Label
-from pseudolidar.structures.camera import LEFT_FRAME, Camera
+from pseudolidar.structures.camera import LEFT_FRAME, Camera, StereoRig
 from pseudolidar.structures.disparity import DepthMap
 
 
@@ -25,7 +25,7 @@ class Sight:
         camera: of that picture, without lens distortion.
         depth: (H, W) Z in m with its sigma; NaN where nothing is known.
         right: the right picture, like `image`; None where there is one camera.
-        baseline_m: between the cameras; None where there is one.
+        rig: of the pair; None where there is one camera.
         ground: the plane that things stand on, in `camera_left`, its normal up; None where none
             was found.
         is_ground: (H, W) pixels that lie on it.
@@ -42,7 +42,7 @@ class Sight:
     camera: Camera
     depth: DepthMap
     right: Image | None = None
-    baseline_m: float | None = None
+    rig: StereoRig | None = None
     ground: Plane | None = None
     is_ground: Bool | None = None
     labels: tuple[Label, ...] | None = None
@@ -75,6 +75,6 @@ class Sight:
     @property
     def shared_per_depth_squared(self) -> float:
         """The shared error of depths over their square, 1/m: 0 where there is one camera."""
-        if self.baseline_m is None:
+        if self.rig is None:
             return 0.0
-        return self.shared_px / (self.camera.focal_px * self.baseline_m)
+        return self.shared_px / self.rig.fB_px_m

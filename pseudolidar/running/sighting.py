@@ -92,7 +92,7 @@ class SightFrame:
             frame.rig.left,
             depth_of(cloud, frame.size_px),
             frame.right,
-            frame.rig.baseline_m,
+            frame.rig,
             ground,
             is_ground,
             frame.labels,

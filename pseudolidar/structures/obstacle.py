@@ -11,7 +11,7 @@ from pseudolidar.errors import StructureError
 from pseudolidar.structures.arrays import Int64, check_array
 from pseudolidar.structures.box import Box3D, Detection, Track
 
-MeasuredBy = Literal["points", "size"]
+MeasuredBy = Literal["points", "patch", "size"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,8 @@ class Obstacle:
         sigma_distance_m: one standard deviation (68 %) of that.
         box: around it, in `camera_left`, with sigma.
         sigma_heading_rad: one standard deviation of the box's heading.
-        measured_by: its points, or its size and place in the picture where it has too few.
+        measured_by: its points; as one patch, where it is small and flat; or its size and place in
+            the picture where neither tells.
         confidence: 0-1, how much of what it should be was seen to be so.
         truncated: part of it lies outside of the picture.
         occluded: something nearer hides part of it.

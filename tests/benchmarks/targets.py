@@ -71,23 +71,20 @@ class TargetRoom(Room):
         return (Actor(Thing(1, "target", turned, (THICK_M, WIDTH_M, WIDTH_M)), mesh),)
 
 
-def measured_targets(seed: int) -> dict[float, Obstacle | None]:
+def measured_targets(seed: int) -> dict[float, Obstacle]:
     """The target at every distance, in one room."""
     WORLDS["target"] = TargetRoom  # type: ignore[assignment]
     settings = Synthetic("target", frames=len(DISTANCES), seed=seed, rate_hz=RATE_HZ)
     source = settings.open()
     match = MatchFrame.load(source, Census(), Refining(), SMALL_THINGS_KEPT, min_depth_m=NEAREST_M)
     sighted = SightFrame.of(match, GroundFit())
-    found: dict[float, Obstacle | None] = {}
+    found: dict[float, Obstacle] = {}
     for index, distance_m in enumerate(DISTANCES):
         frame = source.load(index)
-        label = next((one for one in frame.labels or () if one.track_id == 1), None)
-        if label is None:
-            found[distance_m] = None
-            continue
-        left, top, right, bottom = label.detection.box_px
-        # Boxes of rendered labels end at the middles of their outer pixels.
-        box = Detection("region", (left - 0.5, top - 0.5, right + 0.5, bottom + 0.5))
+        K = source.rig.left.K
+        half_px = 0.5 * WIDTH_M * K[0, 0] / distance_m
+        u, v = K[0, 2], K[1, 2]
+        box = Detection("region", (u - half_px, v - half_px, u + half_px, v + half_px))
         sight = replace(sighted(frame).sight, shared_px=0.0)
         (found[distance_m],) = measured(sight, [box])
     return found
@@ -97,24 +94,20 @@ def main() -> None:
     """Print medians over seeds."""
     seeds = int(sys.argv[1]) if len(sys.argv) > 1 else SEEDS
     runs = [measured_targets(seed) for seed in range(seeds)]
-    print("true m    found  error m    %   width cm   within sigma   thesis: error m, width off cm")
+    print("true m  patches  error m    %   width cm   within sigma   thesis: error m, width off cm")
     for table in (NEAR, FAR):
         for distance_m, (theirs_m, width_off) in table.items():
-            ours = [run[distance_m] for run in runs]
-            known = [one for one in ours if one is not None]
-            if not known:
-                print(f"{distance_m:5.1f}    none")
-                continue
+            known = [run[distance_m] for run in runs]
             off = float(np.median([abs(one.distance_m - distance_m) for one in known]))
             width = float(np.median([across_m(one.box) for one in known]))
             inside = np.mean(
                 [abs(one.distance_m - distance_m) < one.sigma_distance_m for one in known]
             )
             theirs = "" if width_off is None else f" {100 * width_off:4.1f}"
-            points = sum(one.measured_by == "points" for one in known)
+            patches = sum(one.measured_by == "patch" for one in known)
             share = 100 * off / distance_m
             print(
-                f"{distance_m:5.1f}   {points:3d}/{len(ours):<3d} {off:7.3f} {share:6.2f}"
+                f"{distance_m:5.1f}   {patches:3d}/{len(known):<3d} {off:7.3f} {share:6.2f}"
                 f"   {100 * width:6.2f}     {inside:4.0%}        {theirs_m:5.3f}{theirs}"
             )
         print()

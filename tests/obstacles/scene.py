@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from pseudolidar.geometry.planes import Plane
 from pseudolidar.obstacles.sight import Sight
 from pseudolidar.structures.box import Detection
-from pseudolidar.structures.camera import Camera
+from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.disparity import DepthMap
+from pseudolidar.structures.pose import Pose
 
 WIDTH, HEIGHT, FOCAL_PX, BASELINE_M = 640, 240, 400.0, 0.5
 CAMERA = Camera(np.array([[FOCAL_PX, 0, 319.5], [0, FOCAL_PX, 99.5], [0, 0, 1.0]]), WIDTH, HEIGHT)
+RIG = StereoRig(
+    CAMERA,
+    replace(CAMERA, frame="camera_right"),
+    Pose.from_rotation("camera_right", "camera_left", np.eye(3), np.array([-BASELINE_M, 0, 0])),
+)
 EYE_HEIGHT_M, WALL_M, SIGMA_PX = 1.6, 60.0, 0.25
 
 Thing = tuple[str, float, float, float, float]  # class, x of its middle, z, width, height: m
@@ -48,7 +55,7 @@ def sight(things: Sequence[Thing], *, ground: bool = True, seed: int = 0) -> Sig
         np.zeros((HEIGHT, WIDTH), np.uint8),
         CAMERA,
         DepthMap(depth.astype(np.float32), sigma.astype(np.float32)),
-        baseline_m=BASELINE_M,
+        rig=RIG,
         ground=Plane("camera_left", np.array([0.0, -1.0, 0.0]), EYE_HEIGHT_M) if ground else None,
         is_ground=is_ground if ground else None,
         shared_px=0.15,

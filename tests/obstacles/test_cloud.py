@@ -134,7 +134,7 @@ def test_nothing_is_a_valid_result(settings) -> None:
 def test_depths_without_sigma_and_of_one_camera(settings) -> None:
     one = sight((CAR,))
     told = dataclasses.replace(one, depth=DepthMap(one.depth.values))
-    alone = dataclasses.replace(told, baseline_m=None, shared_px=0.0)
+    alone = dataclasses.replace(told, rig=None, shared_px=0.0)
     for changed in (told, alone):
         (found,) = settings.load()(changed)
         assert box_iou(found.box_px, box_px(CAR)) > 0.75

@@ -44,7 +44,8 @@ def told(capsys, *args: object, code: int = 0) -> dict:
     return json.loads(capsys.readouterr().out)
 
 
-BOX = f"{LEFT},{TOP},{RIGHT},{BOTTOM}"
+# Edges of its outer pixels, which have their middles at whole numbers.
+BOX = f"{LEFT - 0.5},{TOP - 0.5},{RIGHT + 0.5},{BOTTOM + 0.5}"
 
 
 def test_a_target_is_as_far_and_as_big_as_it_is(pair: Path, capsys) -> None:
@@ -53,7 +54,7 @@ def test_a_target_is_as_far_and_as_big_as_it_is(pair: Path, capsys) -> None:
     assert found["sigma_distance_m"] < 0.3
     assert found["across_m"] == pytest.approx(0.40, rel=0.03)
     assert found["size_m"][2] == pytest.approx(0.50, rel=0.05)
-    assert found["measured_by"] == "points"
+    assert found["measured_by"] == "patch"
     # drawn too wide by half it is still the target, not the wall
     wide = f"{LEFT - 8},{TOP - 8},{RIGHT + 8},{BOTTOM + 8}"
     (again,) = told(capsys, pair, "--box", wide)["measured"]
