@@ -49,6 +49,7 @@ CYCLIST = ClassSize((1.76, 0.2), (0.6, 0.15), (1.74, 0.12))
 BUS = ClassSize((11.5, 2.5), (2.55, 0.2), (3.2, 0.3))
 # Anything: as deep as wide, from a post to a shed.
 UNKNOWN = ClassSize((1.5, 1.5), (1.2, 1.2), (1.5, 1.2), stands=False, round_m=0.0)
+FOUND = ClassSize((1.5, 1.5), (1.2, 1.2), (1.5, 1.2), stands=False)
 # KITTI's means over its training labels; of COCO's classes what such things are built like.
 SIZES: dict[str, ClassSize] = {
     "car": CAR,
@@ -64,7 +65,8 @@ SIZES: dict[str, ClassSize] = {
     "bicycle": ClassSize((1.7, 0.2), (0.5, 0.15), (1.1, 0.3)),
     "motorcycle": ClassSize((2.1, 0.25), (0.8, 0.15), (1.3, 0.3)),
     # what is found by its points alone: anything, and mostly as round as cars and people are
-    "thing": ClassSize((1.5, 1.5), (1.2, 1.2), (1.5, 1.2), stands=False),
+    "thing": FOUND,
+    "obstacle": FOUND,
     "misc": ClassSize((3.6, 2.0), (1.5, 0.7), (1.9, 0.8)),
     "dog": ClassSize((0.9, 0.3), (0.3, 0.1), (0.6, 0.2)),
     "traffic light": ClassSize((0.3, 0.1), (0.35, 0.1), (0.9, 0.25), stands=False, round_m=0.0),
