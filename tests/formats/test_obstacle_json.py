@@ -7,6 +7,7 @@ import io
 import json
 import math
 from dataclasses import replace
+from typing import get_args
 
 import jsonschema
 import numpy as np
@@ -15,6 +16,7 @@ import pytest
 from pseudolidar.errors import LabelError
 from pseudolidar.formats.obstacle_json import obstacle_fields, obstacle_schema, read_obstacles
 from pseudolidar.running.products.obstacle_tables import encode_csv, encode_jsonl
+from pseudolidar.structures.obstacle import MeasuredBy
 from tests.formats.made_obstacles import car, light
 
 
@@ -104,3 +106,8 @@ def test_no_file_is_said_and_an_empty_one_has_none(tmp_path) -> None:
         read_obstacles(tmp_path / "none.jsonl")
     (tmp_path / "empty.jsonl").write_bytes(b"")
     assert read_obstacles(tmp_path / "empty.jsonl") == {}
+
+
+def test_the_schema_knows_every_way_of_measuring() -> None:
+    ways = obstacle_schema()["properties"]["measured_by"]["enum"]
+    assert set(ways) == set(get_args(MeasuredBy))
