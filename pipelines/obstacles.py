@@ -14,12 +14,12 @@ from pseudolidar.errors import UsageError
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.pictures.image import encode_png
 from pseudolidar.formats.rigs.rig_reading import RigUnit
-from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.obstacles.corridor import Corridor, near_mask, nearest_ahead
 from pseudolidar.obstacles.detector import Detector
 from pseudolidar.obstacles.detectors import AnyDetector, asked
 from pseudolidar.obstacles.labels import Labels
 from pseudolidar.obstacles.measure import measured
+from pseudolidar.obstacles.tracker import Tracker
 from pseudolidar.running.apart import check_apart, paths_read
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
@@ -29,13 +29,17 @@ from pseudolidar.running.journal.record import OutputFile
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.products.corridor_table import (
-    Watched,
     ahead_figures,
     ahead_of,
-    encode_corridor,
-    watched,
+    write_corridor,
 )
-from pseudolidar.running.products.found import FOUND_FOLDER, Found, found_file, read_found
+from pseudolidar.running.products.found import (
+    FOUND_FOLDER,
+    Found,
+    followed,
+    found_file,
+    read_found,
+)
 from pseudolidar.running.products.obstacle_tables import encode_csv, encode_jsonl
 from pseudolidar.running.products.product import Product
 from pseudolidar.running.reports.obstacles_report import ObstaclesReport
@@ -70,6 +74,7 @@ class Obstacles:
         pseudolidar obstacles training out --detector labels --rig rig.json
         pseudolidar obstacles 2011_09_26_drive_0002_sync out --detector regions:boxes.csv
         pseudolidar obstacles left.mp4 out --right right.mp4 --detector regions:480,180,512,202
+        pseudolidar obstacles 2011_09_26_drive_0002_sync out --detector cloud --track tracker
         pseudolidar obstacles drive.mcap out --corridor 2x2x30 --stop-at 3
 
     Args:
@@ -86,6 +91,9 @@ class Obstacles:
         clean: what is removed of the disparities because it is no surface; `none` keeps all.
             Surfaces of 7 x 7 cm stay, where clouds lose those below 22 x 22 cm.
         ground: how the ground is looked for; `none` where there is none, as in flight.
+        track: follow obstacles from frame to frame: identity, velocity and time to contact of each,
+            over ground where the source has poses, else relative to the cameras. For frames that
+            follow one another.
         corridor: watch a corridor ahead, WIDTHxHEIGHTxLENGTH in m, and tell the nearest thing in
             it, whatever it is, how fast it comes nearer, and when it is reached: corridor.csv.
         stop_at: end the run, with exit code 10, at the first frame in which something in the
@@ -119,6 +127,7 @@ class Obstacles:
     balance: BalanceWhen = "auto"
     clean: Clean | None = SMALL_THINGS_KEPT
     ground: GroundFit | None = field(default_factory=GroundFit)
+    track: Annotated[Tracker | None, RUN_ONLY] = None
     corridor: Corridor | None = None
     stop_at: Annotated[float | None, RUN_ONLY] = None
     near: float | None = None
@@ -177,8 +186,10 @@ def run(job: Obstacles) -> ObstaclesReport:
             run.commit(frame)
             if is_too_near(job, frame.value.figures):
                 break
-        write_tables(job.out, run)
-        corridor = write_corridor(job, run, source)
+        write_tables(job.out, run, job.track)
+        corridor = None
+        if job.corridor is not None:
+            corridor = write_corridor(job.out / CORRIDOR, run.records(), source)
     return ObstaclesReport(run.result(), job.out, written(job), corridor, job.stop_at)
 
 
@@ -258,29 +269,16 @@ def is_too_near(job: Obstacles, figures: Mapping[str, Any]) -> bool:
     return job.stop_at is not None and ahead is not None and ahead.distance_m < job.stop_at
 
 
-def write_tables(folder: Path, run: Run) -> None:
-    """All obstacles of all frames, in the order of the source."""
+def write_tables(folder: Path, run: Run, tracker: Tracker | None) -> None:
+    """All obstacles of all frames, in the order of the source, with their tracks if asked for."""
     records = [record for record in run.records() if record.skipped is None]
-    obstacles = [one for record in records for one in read_found(folder, record)]
+    frames = [read_found(folder, record) for record in records]
+    if tracker is None:
+        obstacles = [one for frame in frames for one in frame.obstacles]
+    else:
+        obstacles = followed(frames, tracker)
     for name, encode in zip(TABLES, (encode_jsonl, encode_csv), strict=True):
         write_atomic(folder / name, encode(obstacles))
-
-
-def write_corridor(
-    job: Obstacles, run: Run, source: FrameSequence[Frame]
-) -> tuple[Watched, ...] | None:
-    """The corridor of all frames, in the order of the source; None where none is watched."""
-    if job.corridor is None:
-        return None
-    time_s = {
-        name: time_ns / NS_PER_S
-        for name, time_ns in zip(source.ids, source.timestamps_ns, strict=True)
-    }
-    frames = watched(
-        [(one.id, time_s[one.id], one.figures) for one in run.records() if one.skipped is None]
-    )
-    write_atomic(job.out / CORRIDOR, encode_corridor(frames))
-    return frames
 
 
 def written(job: Obstacles) -> tuple[Path, ...]:

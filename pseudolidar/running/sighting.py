@@ -10,13 +10,15 @@ from pseudolidar.clouds.ground import Ground
 from pseudolidar.clouds.ground_fit import GroundFit
 from pseudolidar.clouds.tool import forward_of, seen_in
 from pseudolidar.errors import NoPairs
-from pseudolidar.geometry.frames import camera_tree, frame_tree
+from pseudolidar.geometry.frame_chain import chain
+from pseudolidar.geometry.frames import MAP, camera_tree, frame_tree
 from pseudolidar.geometry.planes import Plane
 from pseudolidar.obstacles.sight import Sight
 from pseudolidar.running.matching import MatchFrame
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.structures.arrays import Bool, Float32
+from pseudolidar.structures.camera import LEFT_FRAME
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from pseudolidar.structures.frame import StereoFrame
@@ -37,11 +39,13 @@ class Seen:
         sight: for detectors and measures.
         cloud: of all pixels, in `camera_left`, organised as the picture.
         disparity: of a pair.
+        T_map_camera: pose of the left camera, where the source knows it.
     """
 
     sight: Sight
     cloud: PointCloud
     disparity: DisparityMap | None = None
+    T_map_camera: Pose | None = None
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,8 @@ class SightFrame:
     def _pair(self, frame: StereoFrame) -> Seen:
         disparity = self.match.disparity(frame)
         cloud = self.reproject(frame, disparity)
-        ground, is_ground = self._ground(cloud, frame_tree(frame.rig, frame.pose), frame.size_px)
+        tree = frame_tree(frame.rig, frame.pose)
+        ground, is_ground = self._ground(cloud, tree, frame.size_px)
         sight = Sight(
             frame.id,
             frame.left,
@@ -98,7 +103,7 @@ class SightFrame:
             frame.labels,
             frame.rig.systematic_sigma_px,
         )
-        return Seen(sight, cloud, disparity)
+        return Seen(sight, cloud, disparity, _pose(tree, known=frame.pose is not None))
 
     def _depth(self, frame: DepthFrame) -> Seen:
         cloud = self.reproject.of_depth(frame)
@@ -108,7 +113,7 @@ class SightFrame:
         sight = Sight(
             frame.id, frame.image, frame.camera, depth, ground=ground, is_ground=is_ground
         )
-        return Seen(sight, cloud)
+        return Seen(sight, cloud, T_map_camera=_pose(tree, known=frame.pose is not None))
 
     def _ground(
         self, cloud: PointCloud, tree: tuple[Pose, ...], size_px: tuple[int, int]
@@ -142,3 +147,8 @@ def _along_axis(cloud: PointCloud) -> Float32:
     """(N,) sigma along the ray as one of Z."""
     x, y, z = cloud.xyz.T
     return np.asarray(cloud.sigma_m * z / np.sqrt(x * x + y * y + z * z), np.float32)
+
+
+def _pose(tree: tuple[Pose, ...], *, known: bool) -> Pose | None:
+    """`T_map_camera_left`, where the pose of the body is known."""
+    return chain(tree, MAP, LEFT_FRAME) if known else None

@@ -11,6 +11,8 @@ from pseudolidar.cli import main
 from pseudolidar.errors import LabelError, PseudolidarError
 from pseudolidar.formats.obstacle_json import obstacle_fields, obstacle_of
 
+FRAMES = ("000000", "000001")
+
 
 @pytest.fixture(scope="module")
 def street(tmp_path_factory) -> str:
@@ -78,6 +80,23 @@ def test_the_same_bytes_after_a_part_of_the_run(street, found, tmp_path) -> None
     (tmp_path / "obstacles.csv").unlink()
     assert main(job) == 0  # nothing is left to do but the tables
     assert (tmp_path / "obstacles.csv").read_bytes() == (found / "obstacles.csv").read_bytes()
+
+
+def test_obstacles_are_followed_where_that_is_asked_for(street, tmp_path) -> None:
+    job = ["obstacles", street, str(tmp_path), "--detector", "labels"]
+    assert main([*job, "--track", "tracker"]) == 0
+    obstacles = lines(tmp_path)
+    first, second = (
+        {one["track"]: one for one in obstacles if one["frame"] == name} for name in FRAMES
+    )
+    assert len(first) + len(second) == len(obstacles)  # each is one track, once in a frame
+    same = set(first) & set(second)
+    assert len(same) > 0.7 * len(first)
+    for track in same:
+        assert first[track]["class"] == second[track]["class"]
+        assert abs(first[track]["distance_m"] - second[track]["distance_m"]) < 10
+    assert main(job) == 0  # the same run: only the tables are written anew
+    assert "track" not in lines(tmp_path)[0]
 
 
 def test_a_box_on_the_command_line_measures_what_is_in_it(street, found, tmp_path) -> None:

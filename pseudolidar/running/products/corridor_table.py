@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from pseudolidar.formats.atomic import write_atomic
+from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.obstacles.corridor import Ahead, Approach, approach
+from pseudolidar.running.journal.record import FrameRecord
+from pseudolidar.sources.source import FrameSequence
+from pseudolidar.structures.recorded import Frame
 
 # Figures of a frame begin so.
 PREFIX = "ahead_"
@@ -74,6 +80,19 @@ def encode_corridor(frames: Sequence[Watched]) -> bytes:
             [one.frame, f"{one.time_s:.9g}", *_cells(one.ahead, 5), *_cells(one.approach, 4)]
         )
     return text.getvalue().encode()
+
+
+def write_corridor(
+    path: Path, records: Iterable[FrameRecord], source: FrameSequence[Frame]
+) -> tuple[Watched, ...]:
+    """The corridor of all frames that are committed, in the order of the source, as a table."""
+    time_s = {
+        name: time_ns / NS_PER_S
+        for name, time_ns in zip(source.ids, source.timestamps_ns, strict=True)
+    }
+    frames = watched([(r.id, time_s[r.id], r.figures) for r in records if r.skipped is None])
+    write_atomic(path, encode_corridor(frames))
+    return frames
 
 
 def _cells(values: Ahead | Approach | None, count: int) -> list[str]:

@@ -13,12 +13,17 @@ import numpy as np
 from pseudolidar.errors import LabelError
 from pseudolidar.formats.obstacle_json import obstacle_fields, obstacle_of
 from pseudolidar.formats.timestamps import NS_PER_S
+from pseudolidar.formats.track_json import track_fields
+from pseudolidar.geometry.frames import MAP
 from pseudolidar.obstacles.corridor import Ahead
+from pseudolidar.obstacles.tracker import Tracker
 from pseudolidar.running.folder import inside
 from pseudolidar.running.journal.record import FrameRecord, OutputFile
 from pseudolidar.running.sighting import Seen
+from pseudolidar.structures.camera import LEFT_FRAME
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.obstacle import Obstacle
+from pseudolidar.structures.pose import Pose
 from pseudolidar.structures.recorded import Frame
 
 FOUND_FOLDER = ".obstacles"
@@ -57,17 +62,41 @@ def found_name(frame_id: str) -> str:
     return f"{FOUND_FOLDER}/{frame_id}.json"
 
 
+@dataclass(frozen=True, eq=False)
+class FoundFrame:
+    """What the file of a frame holds.
+
+    Args:
+        time_ns: of the picture.
+        T_map_camera: pose of the left camera, where it is known.
+        obstacles: fields of each, as `obstacle_json` has them.
+    """
+
+    time_ns: int
+    T_map_camera: Pose | None
+    obstacles: list[dict[str, Any]]
+
+    def parsed(self, where: str) -> tuple[Obstacle, ...]:
+        """The obstacles, without their pixels."""
+        return tuple(
+            obstacle_of(one, where=f"{where}, object {number}")
+            for number, one in enumerate(self.obstacles)
+        )
+
+
 def found_file(found: Found) -> OutputFile:
     """Everything that was found in a frame, as JSON."""
-    time_s = found.frame.timestamp_ns / NS_PER_S
+    time_ns, T = found.frame.timestamp_ns, found.seen.T_map_camera
     fields = [
-        obstacle_fields(obstacle, frame=found.frame.id, time_s=time_s, number=number)
+        obstacle_fields(obstacle, frame=found.frame.id, time_s=time_ns / NS_PER_S, number=number)
         for number, obstacle in enumerate(found.obstacles, start=1)
     ]
-    return OutputFile.of(found_name(found.frame.id), json.dumps(fields).encode())
+    pose = None if T is None else T.matrix.tolist()
+    data = {"time_ns": time_ns, "T_map_camera": pose, "obstacles": fields}
+    return OutputFile.of(found_name(found.frame.id), json.dumps(data).encode())
 
 
-def read_found(folder: Path, record: FrameRecord) -> list[dict[str, Any]]:
+def read_found(folder: Path, record: FrameRecord) -> FoundFrame:
     """What was found in a frame that is committed.
 
     Raises:
@@ -75,17 +104,29 @@ def read_found(folder: Path, record: FrameRecord) -> list[dict[str, Any]]:
     """
     path = inside(folder, found_name(record.id))
     try:
-        fields = json.loads(path.read_bytes())
-        obstacles_of(fields, path)
-    except (OSError, ValueError) as error:
+        data = json.loads(path.read_bytes())
+        pose = data["T_map_camera"]
+        T = None if pose is None else Pose(MAP, LEFT_FRAME, np.array(pose, np.float64))
+        found = FoundFrame(int(data["time_ns"]), T, list(data["obstacles"]))
+        found.parsed(str(path))
+    except (OSError, ValueError, KeyError, TypeError) as error:
         raise LabelError(
             f"{type(error).__name__}: {error}", want="what this run wrote", path=path
         ) from error
-    return list(fields)
+    return found
 
 
-def obstacles_of(fields: Sequence[dict[str, Any]], path: Path) -> tuple[Obstacle, ...]:
-    """The obstacles of a frame's file, without their pixels."""
-    return tuple(
-        obstacle_of(one, where=f"{path}, object {number}") for number, one in enumerate(fields)
-    )
+def followed(frames: Sequence[FoundFrame], tracker: Tracker) -> list[dict[str, Any]]:
+    """Fields of all obstacles of frames in their order, each with its track.
+
+    Raises:
+        SequenceTime: a frame is not later than the one before.
+    """
+    follow = tracker.load()
+    told = []
+    for frame in frames:
+        seen = follow(frame.parsed("obstacles"), frame.time_ns, frame.T_map_camera)
+        for fields, obstacle in zip(frame.obstacles, seen.obstacles, strict=True):
+            track = {} if obstacle.track is None else track_fields(obstacle.track)
+            told.append({**fields, **track})
+    return told
