@@ -56,6 +56,7 @@ format: $(VENV)/installed-dev ## format the code and mend what can be mended
 bench: $(VENV)/installed-dev ## print benchmark ratios
 	$(BIN)/python -m tests.benchmarks.matchers
 	$(BIN)/python -m tests.benchmarks.conversion
+	$(BIN)/python -m tests.benchmarks.tracks 5
 
 soak: $(VENV)/installed-dev ## long tests
 	$(BIN)/python -m pytest -m slow
