@@ -112,3 +112,13 @@ def test_a_staying_share_of_the_distance_makes_velocity_less_sure() -> None:
     assert velocities[0] == pytest.approx(-10.2, abs=0.05)
     assert abs(velocities[0] + 10.0) > 2 * sigmas[0]  # taken as noise, it would be believed
     assert abs(velocities[1] + 10.0) < 1.5 * sigmas[1]
+
+
+def test_a_measurement_far_off_is_doubted_and_a_near_one_is_not() -> None:
+    belief = Belief.begun(place(30.0), 1.0, Straight())
+    near, far = place(30.3), place(34.0)  # its own sigma is 0.5 m, that of the belief too
+    np.testing.assert_array_equal(belief.seen_with_doubt(near).mean, belief.seen(near)[0].mean)
+    assert belief.seen(far)[0].mean[0] == pytest.approx(32.0)
+    doubted = belief.seen_with_doubt(far)
+    assert 30.0 < doubted.mean[0] < 31.0
+    assert doubted.covariance[0, 0] > belief.seen(far)[0].covariance[0, 0]

@@ -37,6 +37,8 @@ def test_the_error_along_the_ray_is_found_whatever_way_a_box_is_turned(heading_d
     np.testing.assert_allclose(place.axes @ place.axes.T, np.eye(3), atol=1e-12)
     np.testing.assert_allclose(place.axes[0], [1.0, 0.0, 0.0], atol=1e-12)
     assert place.sigma_m[0] == pytest.approx(along, rel=0.02)
+    hidden = placed(one, relative_pose(), 0.5, edges_seen=False)
+    assert hidden.sigma_m[0] == pytest.approx(along, rel=0.02)
     assert place.sigma_m[1] < 0.3  # and not the 1.06 m that a diagonal of a turned box would say
     total = length**2 + width**2
     assert place.sigma_m[0] ** 2 + place.sigma_m[1] ** 2 == pytest.approx(total)
