@@ -36,9 +36,21 @@ from pseudolidar.running.products.corridor_table import (
 from pseudolidar.running.products.found import (
     FOUND_FOLDER,
     Found,
-    followed,
+    ToldFrame,
     found_file,
-    read_found,
+    told_frames,
+)
+from pseudolidar.running.products.found_clouds import (
+    KITTI,
+    TRACKING_NAME,
+    FoundOutputs,
+    write_tracking,
+)
+from pseudolidar.running.products.obstacle_film import (
+    FILM_FOLDER,
+    FILM_NAME,
+    ObstacleArtist,
+    write_obstacle_film,
 )
 from pseudolidar.running.products.obstacle_tables import encode_csv, encode_jsonl
 from pseudolidar.running.products.product import Product
@@ -74,13 +86,18 @@ class Obstacles:
         pseudolidar obstacles training out --detector labels --rig rig.json
         pseudolidar obstacles 2011_09_26_drive_0002_sync out --detector regions:boxes.csv
         pseudolidar obstacles left.mp4 out --right right.mp4 --detector regions:480,180,512,202
-        pseudolidar obstacles 2011_09_26_drive_0002_sync out --detector cloud --track tracker
+        pseudolidar obstacles drive_0002_sync out --detector cloud --track tracker --video
         pseudolidar obstacles drive.mcap out --corridor 2x2x30 --stop-at 3
 
     Args:
         source: pairs: KITTI data, folders, videos, a recording, synthetic:NAME; or pictures with
             their depth.
         out: output folder.
+        to: what is written beside the tables, a comma list: clouds with a column `object`, as pcd,
+            pcd:compressed, pcd:ascii, ply, ply:ascii or npz; kitti (label_2 result files, and with
+            tracks tracking.txt); none.
+        video: make obstacles.mp4 too (H.264): the photo with boxes, distance, identity and speed,
+            beside disparity, depth and the view from above.
         detector: what says where objects are; `none` to watch the corridor alone.
         also: a second one, such as `cloud` for what the first one does not know; what both see is
             one obstacle.
@@ -121,13 +138,15 @@ class Obstacles:
 
     source: Annotated[Source, Recognised(recognise)]
     out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out")
+    to: FoundOutputs = field(default_factory=FoundOutputs)
+    video: bool = False
     detector: AnyDetector | None = field(default_factory=Labels)
     also: AnyDetector | None = None
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
     balance: BalanceWhen = "auto"
     clean: Clean | None = SMALL_THINGS_KEPT
     ground: GroundFit | None = field(default_factory=GroundFit)
-    track: Annotated[Tracker | None, RUN_ONLY] = None
+    track: Tracker | None = None
     corridor: Corridor | None = None
     stop_at: Annotated[float | None, RUN_ONLY] = None
     near: float | None = None
@@ -156,6 +175,24 @@ class Obstacles:
             )
 
     @property
+    def tracking(self) -> bool:
+        """Whether a KITTI tracking file is written."""
+        return self.track is not None and KITTI in self.to.kinds
+
+    @property
+    def products(self) -> tuple[str, ...]:
+        """Files that belong to no single frame."""
+        chosen = {CORRIDOR: self.corridor, FILM_NAME: self.video, TRACKING_NAME: self.tracking}
+        return (*TABLES, *(name for name, wanted in chosen.items() if wanted))
+
+    @property
+    def folders(self) -> tuple[str, ...]:
+        """Folders of files of frames."""
+        chosen = {NEAR_FOLDER: self.near, FILM_FOLDER: self.video}
+        own = (name for name, wanted in chosen.items() if wanted)
+        return (FOUND_FOLDER, *own, *self.to.folders)
+
+    @property
     def crew(self) -> CrewPlan:
         """How the frames are done."""
         return CrewPlan(self.workers, self.timeout)
@@ -171,8 +208,7 @@ def run(job: Obstacles) -> ObstaclesReport:
     source = opened(job)
     check_usable(job.out)
     per_frame = ObstaclesFrame.of(job, source)
-    products = (*TABLES, *([CORRIDOR] if job.corridor else []))
-    folders = (FOUND_FOLDER, *([NEAR_FOLDER] if job.near else []))
+    folders, products = job.folders, job.products
     check_apart(job.out, paths_read(job.source), (*folders, *products), overwrite=job.overwrite)
     with Run.open(job.out, job, source, products=products) as run:
         settled = run.settled(source.ids)
@@ -186,7 +222,11 @@ def run(job: Obstacles) -> ObstaclesReport:
             run.commit(frame)
             if is_too_near(job, frame.value.figures):
                 break
-        write_tables(job.out, run, job.track)
+        told = told_frames(job.out, run.records(), job.track)
+        write_tables(job, told)
+        if job.video:
+            seen = {name: frame.obstacles for name, frame in told.items()}
+            write_obstacle_film(run, source, seen)
         corridor = None
         if job.corridor is not None:
             corridor = write_corridor(job.out / CORRIDOR, run.records(), source)
@@ -202,12 +242,16 @@ class ObstaclesFrame:
         detect: says where objects are; None where nothing is asked.
         corridor: what is watched, if anything.
         near_m: things nearer than this get a mask; None for none.
+        to: what else is written of a frame.
+        artist: makes pictures for the film, where there is to be one.
     """
 
     sight: SightFrame
     detect: Detector | None
     corridor: Corridor | None = None
     near_m: float | None = None
+    to: FoundOutputs = field(default_factory=FoundOutputs)
+    artist: ObstacleArtist | None = None
 
     @classmethod
     def of(cls, job: Obstacles, source: FrameSequence[Frame]) -> ObstaclesFrame:
@@ -222,7 +266,9 @@ class ObstaclesFrame:
         )
         detector = asked(job.detector, job.also)
         detect = None if detector is None else detector.load()
-        return cls(SightFrame.of(match, job.ground), detect, job.corridor, job.near)
+        sight = SightFrame.of(match, job.ground)
+        artist = ObstacleArtist.of(source, sight, crew=job.crew) if job.video else None
+        return cls(sight, detect, job.corridor, job.near, job.to, artist)
 
     def __call__(self, frame: Frame) -> Product:
         """Find, and encode what was found.
@@ -231,10 +277,12 @@ class ObstaclesFrame:
             PseudolidarError: as `found`.
         """
         found = self.found(frame)
-        files = [found_file(found)]
+        files = [found_file(found), *self.to.files(found)]
         if self.near_m is not None:
             mask = near_mask(found.seen.sight, self.near_m)
             files.append(OutputFile.of(f"{NEAR_FOLDER}/{frame.id}.png", encode_png(mask)))
+        if self.artist is not None:
+            files += self.artist.files(frame, found.seen)
         return Product(tuple(files), figures=figures(found))
 
     def found(self, frame: Frame) -> Found:
@@ -269,22 +317,19 @@ def is_too_near(job: Obstacles, figures: Mapping[str, Any]) -> bool:
     return job.stop_at is not None and ahead is not None and ahead.distance_m < job.stop_at
 
 
-def write_tables(folder: Path, run: Run, tracker: Tracker | None) -> None:
-    """All obstacles of all frames, in the order of the source, with their tracks if asked for."""
-    records = [record for record in run.records() if record.skipped is None]
-    frames = [read_found(folder, record) for record in records]
-    if tracker is None:
-        obstacles = [one for frame in frames for one in frame.obstacles]
-    else:
-        obstacles = followed(frames, tracker)
+def write_tables(job: Obstacles, told: Mapping[str, ToldFrame]) -> None:
+    """All obstacles of all frames, in the order of the source."""
+    obstacles = [one for frame in told.values() for one in frame.fields]
     for name, encode in zip(TABLES, (encode_jsonl, encode_csv), strict=True):
-        write_atomic(folder / name, encode(obstacles))
+        write_atomic(job.out / name, encode(obstacles))
+    if job.tracking:
+        write_tracking(job.out, told)
 
 
 def written(job: Obstacles) -> tuple[Path, ...]:
     """What there is to open."""
-    names = [*TABLES, *([CORRIDOR] if job.corridor else []), *([NEAR_FOLDER] if job.near else [])]
-    return tuple(job.out / name for name in names)
+    shown = [name for name in job.folders if not name.startswith(".")]
+    return tuple(job.out / name for name in (*job.products, *shown))
 
 
 def opened(job: Obstacles) -> FrameSequence[Frame]:

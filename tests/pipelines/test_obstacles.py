@@ -5,11 +5,17 @@ from __future__ import annotations
 import csv
 import json
 
+import av
+import numpy as np
 import pytest
 
 from pseudolidar.cli import main
 from pseudolidar.errors import LabelError, PseudolidarError
+from pseudolidar.formats.labels import read_labels, read_tracking_labels
 from pseudolidar.formats.obstacle_json import obstacle_fields, obstacle_of
+from pseudolidar.formats.points.pcd import read_pcd
+from pseudolidar.formats.rigs.kitti_calibration import FRAME_CAM0
+from pseudolidar.structures.pose import Pose
 
 FRAMES = ("000000", "000001")
 
@@ -96,8 +102,30 @@ def test_obstacles_are_followed_where_that_is_asked_for(street, tmp_path) -> Non
     for track in same:
         assert first[track]["class"] == second[track]["class"]
         assert abs(first[track]["distance_m"] - second[track]["distance_m"]) < 10
-    assert main(job) == 0  # the same run: only the tables are written anew
-    assert "track" not in lines(tmp_path)[0]
+    assert main(job) == 2  # without tracks it is another run
+
+
+def test_followed_obstacles_go_to_clouds_label_files_and_a_film(street, tmp_path) -> None:
+    job = ["obstacles", street, str(tmp_path), "--detector", "labels", "--track", "tracker"]
+    job += ["--to", "pcd,kitti", "--video"]
+    assert main([*job, "--workers", "1"]) == 0
+    obstacles = lines(tmp_path)
+    identity = Pose.identity("camera_left", FRAME_CAM0)
+    tracked = read_tracking_labels(tmp_path / "tracking.txt", T_left_cam0=identity)
+    for number, name in enumerate(FRAMES):
+        mine = [one for one in obstacles if one["frame"] == name]
+        assert [one.track_id for one in tracked[number]] == [one["track"] for one in mine]
+        labels = read_labels(tmp_path / "label_2" / f"{name}.txt", T_left_cam0=identity)
+        assert [one.detection.name for one in labels] == [one["class"] for one in mine]
+        cloud = read_pcd(tmp_path / "pcd" / f"{name}.pcd")
+        counts = np.bincount(cloud.extra["object"].astype(int), minlength=len(mine) + 1)
+        assert counts[1:].tolist() == [one["points"] for one in mine]
+    with av.open(str(tmp_path / "obstacles.mp4")) as film:
+        assert film.streams.video[0].codec_context.name == "h264"
+        assert sum(1 for _ in film.decode(video=0)) >= 2
+    first = (tmp_path / "obstacles.jsonl").read_bytes()
+    assert main(job) == 0  # nothing is left to do
+    assert (tmp_path / "obstacles.jsonl").read_bytes() == first
 
 
 def test_a_box_on_the_command_line_measures_what_is_in_it(street, found, tmp_path) -> None:

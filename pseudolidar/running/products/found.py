@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -116,17 +116,40 @@ def read_found(folder: Path, record: FrameRecord) -> FoundFrame:
     return found
 
 
-def followed(frames: Sequence[FoundFrame], tracker: Tracker) -> list[dict[str, Any]]:
-    """Fields of all obstacles of frames in their order, each with its track.
+@dataclass(frozen=True, eq=False)
+class ToldFrame:
+    """A frame's obstacles as they are told at the end, with their tracks where they have any.
+
+    Args:
+        fields: of each, for tables.
+        obstacles: the same, without their pixels.
+    """
+
+    fields: list[dict[str, Any]]
+    obstacles: tuple[Obstacle, ...]
+
+
+def told_frames(
+    folder: Path, records: Iterable[FrameRecord], tracker: Tracker | None
+) -> dict[str, ToldFrame]:
+    """Of every frame that is committed, in the order of the source, by its id.
 
     Raises:
-        SequenceTime: a frame is not later than the one before.
+        LabelError: a file was changed by somebody.
+        SequenceTime: tracks are asked for, and a frame is not later than the one before.
     """
-    follow = tracker.load()
-    told = []
-    for frame in frames:
-        seen = follow(frame.parsed("obstacles"), frame.time_ns, frame.T_map_camera)
-        for fields, obstacle in zip(frame.obstacles, seen.obstacles, strict=True):
-            track = {} if obstacle.track is None else track_fields(obstacle.track)
-            told.append({**fields, **track})
+    follow = None if tracker is None else tracker.load()
+    told = {}
+    for record in records:
+        if record.skipped is not None:
+            continue
+        frame = read_found(folder, record)
+        obstacles = frame.parsed(record.id)
+        if follow is not None:
+            obstacles = follow(obstacles, frame.time_ns, frame.T_map_camera).obstacles
+        fields = [
+            {**one, **({} if obstacle.track is None else track_fields(obstacle.track))}
+            for one, obstacle in zip(frame.obstacles, obstacles, strict=True)
+        ]
+        told[record.id] = ToldFrame(fields, obstacles)
     return told
