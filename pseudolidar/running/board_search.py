@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
@@ -20,6 +21,7 @@ from pseudolidar.sources.source import evenly_placed
 PAIRS_TRIED = 2
 # Frames of a film that are looked at. Nobody takes so many single pictures of a board.
 MOST_FRAMES = 800
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +45,17 @@ def boards_in(pairs: BarePairs, board: Board, crew: CrewPlan) -> Looked:
     First the quick way. Of a film some views are then taken; many pictures are a film too, and a
     video of single pictures is none: most neighbours of a film show the same view. Pictures without
     a board are looked at thoroughly.
+
+    Raises:
+        PseudolidarError: no pair can be read; why the first one cannot.
     """
     quick = FindInPair(board, thorough=False)
     looked = _looked_at(_of_long_film(pairs), quick, crew, what="pairs")
+    if looked.skipped:
+        first = looked.skipped[0].error
+        if not looked.found:
+            raise first
+        _log.warning("%d pairs cannot be read, the first: %s", len(looked.skipped), first)
     frames, count = looked.found, len(looked.found) + len(looked.skipped)
     notes = (f"{count} of {len(pairs.ids)} pairs looked at",) if count < len(pairs.ids) else ()
     if (pairs.film or len(frames) > MOST_VIEWS) and follow_one_another(frames):

@@ -237,3 +237,15 @@ def test_of_a_long_film_neighbours_are_looked_at():
     assert set(np.diff(seen[::2])) == {22, 23}
     assert set(seen[1::2] - seen[::2]) == {1}
     assert looked.notes == ("800 of 9001 pairs looked at",)
+
+
+def test_pictures_that_are_all_cut_are_named_and_not_called_without_a_board(
+    pictures: Path, tmp_path: Path, capsys
+) -> None:
+    for path in pictures.glob("*.png"):
+        (tmp_path / path.name).write_bytes(path.read_bytes()[:3000])
+    args = ["calibrate", str(tmp_path), "--board", "chessboard:9x6", "--square", "0.03"]
+    assert main([*args, "--out", str(tmp_path / "rig.json"), "--json"]) == 3
+    error = json.loads(capsys.readouterr().out)["error"]
+    assert error["code"] == "ImageTruncated"
+    assert "00.png" in error["path"]
