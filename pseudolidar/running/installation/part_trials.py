@@ -73,6 +73,7 @@ def filters() -> str:
     from pseudolidar.clouds.tool import CloudTools
     from pseudolidar.geometry.frames import frame_tree
     from pseudolidar.geometry.normals import normals_of_neighbours
+    from pseudolidar.geometry.rectified_pixels import unmasked
     from pseudolidar.stereo.filters.clean import Clean
     from pseudolidar.stereo.filters.filled_map import Surfaces
     from pseudolidar.stereo.filters.map_filter import MapFilters
@@ -80,6 +81,7 @@ def filters() -> str:
     from pseudolidar.stereo.filters.temporal import Kalman
     from pseudolidar.stereo.reproject import Reproject
     from pseudolidar.structures.disparity import DisparityMap
+    from pseudolidar.structures.frame import PairMask
 
     values = np.full((_HEIGHT, _WIDTH), _SHIFT_PX, np.float32)
     frame = trial_frame()
@@ -91,6 +93,10 @@ def filters() -> str:
     _check(np.allclose(fused.values, _SHIFT_PX, atol=0.01), "a flat wall, seen twice")
     cleaned = Clean().load()(frame, DisparityMap(values, np.full_like(values, 0.1)))
     _check(not cleaned.reason[:, _SHIFT_PX:].any(), "a flat wall, cleaned")
+    shown = np.ones((_HEIGHT, _WIDTH), bool)
+    shown[:, _WIDTH // 2 :] = False
+    half = unmasked(wall, PairMask(shown, np.ones_like(shown)))
+    _check(not half.valid[:, _WIDTH // 2 :].any() and half.valid.any(), "half of a flat wall")
     cloud = Reproject().load()(trial_frame(), wall)
     tools = CloudTools.load(Lonely(), Normals(), Beams())
     beams, _ = tools(cloud, frame_tree(trial_frame().rig))
