@@ -96,7 +96,8 @@ def filters() -> str:
     shown = np.ones((_HEIGHT, _WIDTH), bool)
     shown[:, _WIDTH // 2 :] = False
     half = unmasked(wall, PairMask(shown, np.ones_like(shown)))
-    _check(not half.valid[:, _WIDTH // 2 :].any() and half.valid.any(), "half of a flat wall")
+    dropped = half.valid.any() and not half.valid[:, _WIDTH // 2 :].any()
+    _check(bool(dropped), "half of a flat wall")
     cloud = Reproject().load()(trial_frame(), wall)
     tools = CloudTools.load(Lonely(), Normals(), Beams())
     beams, _ = tools(cloud, frame_tree(trial_frame().rig))
