@@ -38,6 +38,13 @@ def shift_to_8_bits(*images: Image) -> int:
     return max(0, max(int(image.max()) for image in images).bit_length() - 8)
 
 
+def rgb8(image: Image, shift: int) -> UInt8:
+    """(H, W, 3) uint8: 16-bit values by a shift, grey ones thrice."""
+    values = image if image.dtype == np.uint8 else (image >> shift).astype(np.uint8)
+    stacked = values if values.ndim == 3 else np.repeat(values[:, :, None], 3, axis=2)
+    return np.ascontiguousarray(stacked, np.uint8)
+
+
 def _grey8(image: Image, shift: int) -> UInt8:
     grey = image if image.ndim == 2 else _luma(image)
     if grey.dtype == np.uint16:

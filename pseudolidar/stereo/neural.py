@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from pseudolidar.errors import ModelError, PseudolidarError, StereoConfig
-from pseudolidar.formats.onnx.model import OnnxModel, read_onnx
+from pseudolidar.errors import PseudolidarError, StereoConfig
+from pseudolidar.formats.onnx.model import OnnxModel, check_sha256, read_onnx
 from pseudolidar.formats.onnx.session import NetworkSession, Provider
-from pseudolidar.geometry.grey import grey8_pair, shift_to_8_bits
+from pseudolidar.geometry.grey import grey8_pair, rgb8, shift_to_8_bits
 from pseudolidar.stereo.disparity_range import check_min_depth, disparity_range
 from pseudolidar.stereo.networks.layout import NetworkLayout, layout_beside
 from pseudolidar.stereo.networks.names import expected_layout, family_of
@@ -90,22 +90,12 @@ class Onnx:
         """
         check_min_depth(min_depth_m)
         model = read_onnx(self.path)
-        self._check_hash(model)
+        check_sha256(model, self.sha256)
         result, decided_by = self._settled(model)
         matcher = NetworkMatcher(self, model, result.layout, min_depth_m)
         where = f"{matcher.session.provider}, {self.threads} thread(s) a frame"
         _log.info("network: %s; told by %s; runs on %s", result.layout, decided_by, where)
         return matcher
-
-    def _check_hash(self, model: OnnxModel) -> None:
-        if self.sha256 is not None and (found := model.sha256()) != self.sha256.lower():
-            raise ModelError(
-                f"SHA-256 {found}",
-                want=self.sha256,
-                fix="The file is not the one that was pinned.",
-                path=model.path,
-                where="sha256",
-            )
 
     def _settled(self, model: OnnxModel) -> tuple[TrialResult, str]:
         """The complete layout, and what told it."""
@@ -229,12 +219,6 @@ class NetworkMatcher:
 
 
 def rgb8_pair(left: Image, right: Image) -> tuple[UInt8, UInt8]:
-    """Both images as (H, W, 3) uint8; 16-bit ones by the rule of `grey8_pair`, grey ones thrice."""
+    """Both images as (H, W, 3) uint8, those of 16 bits by one shift for both."""
     shift = shift_to_8_bits(left, right)
-
-    def eight(image: Image) -> UInt8:
-        values = image if image.dtype == np.uint8 else (image >> shift).astype(np.uint8)
-        stacked = values if values.ndim == 3 else np.repeat(values[:, :, None], 3, axis=2)
-        return np.ascontiguousarray(stacked, np.uint8)
-
-    return eight(left), eight(right)
+    return rgb8(left, shift), rgb8(right, shift)

@@ -117,6 +117,22 @@ def read_onnx(path: Path) -> OnnxModel:
     )
 
 
+def check_sha256(model: OnnxModel, pinned: str | None) -> None:
+    """Refuse another file than the pinned one, where one is pinned.
+
+    Raises:
+        ModelError: the hash differs.
+    """
+    if pinned is not None and (found := model.sha256()) != pinned.lower():
+        raise ModelError(
+            f"SHA-256 {found}",
+            want=pinned,
+            fix="The file is not the one that was pinned.",
+            path=model.path,
+            where="sha256",
+        )
+
+
 def _refuse_other_formats(path: Path) -> None:
     fix = "Export it to ONNX where it was trained (torch.onnx.export)."
     suffix = path.suffix.lower()

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
 from pseudolidar.errors import StereoConfig
+from pseudolidar.geometry.spans import spans
 from pseudolidar.stereo.networks.reading import resized_map
 from pseudolidar.structures.arrays import Float32, UInt8
 from pseudolidar.structures.image_size import ImageSize
@@ -77,9 +78,9 @@ def tiled(run: Run, left: UInt8, right: UInt8, tile: ImageSize, range_px: int) -
         )
     total, weight = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
     low, high = np.full_like(total, np.inf), np.full_like(total, -np.inf)
-    rows = list(_spans(height, tile.height, 2 * MARGIN_PX + FADE_PX))
+    rows = list(spans(height, tile.height, 2 * MARGIN_PX + FADE_PX))
     for top, bottom in rows:
-        for start, end in _spans(width, tile.width, overlap):
+        for start, end in spans(width, tile.width, overlap):
             place = np.s_[top:bottom, start:end]
             found = run(np.ascontiguousarray(left[place]), np.ascontiguousarray(right[place]))
             across = _fade(end - start, blind if start else 0, MARGIN_PX if end < width else 0)
@@ -94,20 +95,6 @@ def tiled(run: Run, left: UInt8, right: UInt8, tile: ImageSize, range_px: int) -
         mean = total / weight
         torn = high - low > np.maximum(SEAM_PX, SEAM_SHARE * mean)
     return np.asarray(np.where((weight > 0) & ~torn, mean, np.nan), np.float32)
-
-
-def _spans(length: int, tile: int, overlap: int) -> Iterator[tuple[int, int]]:
-    """Starts and ends that cover a length with equal tiles; the last one ends at its end."""
-    if tile >= length:
-        yield 0, length
-        return
-    step = max(1, tile - overlap)
-    starts = range(0, length - tile + step, step)
-    for start in starts:
-        end = min(start + tile, length)
-        yield end - tile, end
-        if end == length:
-            return
 
 
 def _fade(length: int, blind: int, margin_after: int) -> Float32:

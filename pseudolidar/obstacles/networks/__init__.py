@@ -1,0 +1,1 @@
+"""Detectors in ONNX files: how they are fed, told apart and read."""

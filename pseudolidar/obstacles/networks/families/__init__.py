@@ -1,0 +1,1 @@
+"""How boxes and scores lie in a detector's outputs: one small class a family."""
