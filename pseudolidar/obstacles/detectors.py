@@ -7,11 +7,12 @@ from pseudolidar.obstacles.colour import Colour
 from pseudolidar.obstacles.combined import Combined
 from pseudolidar.obstacles.detector import DetectorSettings
 from pseudolidar.obstacles.labels import Labels
+from pseudolidar.obstacles.onnx_detector import OnnxDetector
 from pseudolidar.obstacles.regions import Regions
 from pseudolidar.obstacles.template import Template
 from pseudolidar.obstacles.within import Range
 
-AnyDetector = Labels | Regions | Template | Colour | Range | Cloud
+AnyDetector = Labels | OnnxDetector | Regions | Template | Colour | Range | Cloud
 
 
 def asked(detector: AnyDetector | None, also: AnyDetector | None) -> DetectorSettings | None:

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -64,6 +64,7 @@ class OnnxDetector:
         trial_memory_mb: memory for it.
     """
 
+    CHOICE: ClassVar[str] = "onnx"
     path: Path
     threshold: float = 0.3
     overlap: float = 0.5

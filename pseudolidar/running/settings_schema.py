@@ -73,9 +73,14 @@ def settings_fields(cls: type) -> tuple[SettingsField, ...]:
 
 
 def choice_name(cls: type | None) -> str:
-    """Name of a member of a union on the command line and in JSON: `KittiRaw` is `kitti-raw`."""
+    """Name of a member of a union on the command line and in JSON: `KittiRaw` is `kitti-raw`.
+
+    A class that people know by another name says so by `CHOICE`.
+    """
     if cls is None:
         return NO_CHOICE
+    if own := vars(cls).get("CHOICE"):
+        return str(own)
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "-", cls.__name__).lower()
 
 
