@@ -22,6 +22,8 @@ RECALLS = 40
 MIN_OVERLAPS = (0.5, 0.7)
 # Classes that are no mistake for another one, and count for neither.
 NEIGHBOURS = {"car": "van", "pedestrian": "person_sitting"}
+# What detectors that learnt from COCO call them.
+ALIASES = {"person": "pedestrian"}
 COUNTS, IGNORED, OTHER = 0, 1, -1
 
 
@@ -78,11 +80,16 @@ class BoxedFrame:
         boxes = [one.detection.box_px for one in obstacles]
         return cls(
             tuple(labels),
-            tuple(one.detection.name.lower() for one in obstacles),
+            tuple(_known_name(one.detection.name) for one in obstacles),
             np.array([one.confidence for one in obstacles], np.float64),
             np.array([bottom - top for _, top, _, bottom in boxes], np.float64),
             shared,
         )
+
+
+def _known_name(name: str) -> str:
+    """The class as KITTI calls it, lower case."""
+    return ALIASES.get(name.lower(), name.lower())
 
 
 @dataclass(frozen=True)
