@@ -54,3 +54,15 @@ def exp_twist(twist: Float64) -> Float64:
     motion[:3, :3] += first * W + second * (W @ W)
     motion[:3, 3] = (np.eye(3) + second * W + third * (W @ W)) @ twist[:3]
     return motion
+
+
+def adjoint(T: Float64) -> Float64:
+    """(6, 6): `T exp(xi) T^-1 = exp(adjoint(T) xi)` of twists as `exp_twist` has them.
+
+    Source: Barfoot, State Estimation for Robotics, equation 7.45.
+    """
+    R = T[:3, :3]
+    matrix = np.zeros((6, 6))
+    matrix[:3, :3] = matrix[3:, 3:] = R
+    matrix[:3, 3:] = skew(T[:3, 3]) @ R
+    return matrix

@@ -1,0 +1,1 @@
+"""Where the cameras were, and the map that their frames make together."""

@@ -1,0 +1,108 @@
+"""How a camera moved, and where it is thereby: what odometry tells of each frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from pseudolidar.errors import StructureError
+from pseudolidar.structures.arrays import Float64, check_array
+from pseudolidar.structures.point_tracks import PointTracks
+from pseudolidar.structures.pose import Pose
+
+# `first` of a piece of path, `ok`, or `lost`: nobody knows how it moved.
+OdometryStatus = Literal["first", "ok", "lost"]
+
+
+@dataclass(frozen=True, eq=False)
+class CameraStep:
+    """How the left camera moved from an earlier frame to a later one.
+
+    Args:
+        T_from_to: (4, 4) float64 maps points of the later left camera into the earlier one, which
+            is the later camera's pose in the earlier one, metres; optical axes (x right, y down,
+            z forward).
+        covariance: (6, 6) float64 of a twist on its right, `T_from_to exp(xi)`: `xi` is the error
+            as the later camera sees it, translation x, y, z in metres, then rotation vector, rad.
+        frames: how many frames it spans; more than 1 across frames that were lost.
+    """
+
+    T_from_to: Float64
+    covariance: Float64
+    frames: int = 1
+
+    def __post_init__(self) -> None:
+        check_array("CameraStep", "T_from_to", self.T_from_to, (4, 4), np.float64)
+        check_array("CameraStep", "covariance", self.covariance, (6, 6), np.float64)
+        if not self.frames >= 1:
+            raise StructureError(f"{self.frames} frames", want="1 or more", where="CameraStep")
+
+    @property
+    def T_to_from(self) -> Float64:
+        """(4, 4) maps points of the earlier camera into the later one."""
+        R, t = self.T_from_to[:3, :3], self.T_from_to[:3, 3]
+        inverse = np.eye(4)
+        inverse[:3, :3], inverse[:3, 3] = R.T, -R.T @ t
+        return inverse
+
+    @property
+    def information(self) -> Float64:
+        """(6, 6) inverse of the covariance, the same order."""
+        return np.asarray(np.linalg.inv(self.covariance))
+
+    @property
+    def distance_m(self) -> float:
+        """How far the camera moved."""
+        return float(np.linalg.norm(self.T_from_to[:3, 3]))
+
+
+@dataclass(frozen=True, eq=False)
+class OdometryState:
+    """What odometry tells of one frame.
+
+    Args:
+        status: `first` of a piece, `ok`, or `lost`.
+        T_odom_camera: pose of the left camera; `odom` is the left camera of the piece's first
+            frame. None where it is lost: nothing is made up.
+        step: from the last frame that was not lost; None at the first of a piece and where lost.
+        covariance: (6, 6) float64 of a twist on the right of `T_odom_camera`, order as in
+            `CameraStep`: what all steps since the piece began add up to; zero at its first frame,
+            None where lost.
+        piece: 0 at first; one more where odometry began anew after it was lost for long: poses of
+            different pieces have nothing in common.
+        tracks: points that the step rests on, for drawing; none where there was no step.
+        weights: (N,) 0-1 of each track: near 0 for wrong ones and things that move.
+        keyframe: whether later frames are compared with this one.
+        why: what was missing, where it is lost.
+    """
+
+    status: OdometryStatus
+    T_odom_camera: Pose | None = None
+    step: CameraStep | None = None
+    covariance: Float64 | None = None
+    piece: int = 0
+    tracks: PointTracks | None = None
+    weights: Float64 = field(default_factory=lambda: np.zeros(0))
+    keyframe: bool = False
+    why: str = ""
+
+    def __post_init__(self) -> None:
+        if (self.status == "lost") != (self.T_odom_camera is None):
+            raise StructureError(
+                f"status {self.status} with pose {self.T_odom_camera}",
+                want="a pose unless it is lost",
+                where="OdometryState",
+            )
+        check_array("OdometryState", "weights", self.weights, (self.n_tracks,), np.float64)
+
+    @property
+    def n_tracks(self) -> int:
+        """How many points were followed."""
+        return 0 if self.tracks is None else len(self.tracks)
+
+    @property
+    def inliers(self) -> int:
+        """How many of them agree with the step: weight of a half or more."""
+        return int((self.weights >= 0.5).sum())
