@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from pseudolidar.clouds.ground_fit import GroundFit
 from pseudolidar.errors import UsageError
 from pseudolidar.formats.atomic import write_atomic
+from pseudolidar.formats.mcap.content import DEFAULT_CONTENT, McapContent
 from pseudolidar.formats.pictures.image import encode_png
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.obstacles.corridor import Corridor, near_mask, nearest_ahead
@@ -36,9 +37,7 @@ from pseudolidar.running.products.corridor_table import (
 from pseudolidar.running.products.found import (
     FOUND_FOLDER,
     Found,
-    ToldFrame,
     found_file,
-    told_frames,
 )
 from pseudolidar.running.products.found_clouds import (
     KITTI,
@@ -54,6 +53,9 @@ from pseudolidar.running.products.obstacle_film import (
 )
 from pseudolidar.running.products.obstacle_tables import encode_csv, encode_jsonl
 from pseudolidar.running.products.product import Product
+from pseudolidar.running.products.recording import RecordingPlan
+from pseudolidar.running.products.told import Telling, ToldFrame
+from pseudolidar.running.products.told_recording import found_parts, told_parts
 from pseudolidar.running.reports.obstacles_report import ObstaclesReport
 from pseudolidar.running.run import Run
 from pseudolidar.running.sighting import SMALL_THINGS_KEPT, SightFrame
@@ -94,8 +96,10 @@ class Obstacles:
             their depth.
         out: output folder.
         to: what is written beside the tables, a comma list: clouds with a column `object`, as pcd,
-            pcd:compressed, pcd:ascii, ply, ply:ascii or npz; kitti (label_2 result files, and with
+            pcd:compressed, pcd:ascii, ply, ply:ascii or npz; mcap (one recording of everything, for
+            Foxglove, or ROS 2 with --mcap.profile ros2); kitti (label_2 result files, and with
             tracks tracking.txt); none.
+        mcap: what the recording holds beside obstacles.
         video: make obstacles.mp4 too (H.264): the photo with boxes, distance, identity and speed,
             beside disparity, depth and the view from above.
         detector: what says where objects are; `none` to watch the corridor alone.
@@ -139,6 +143,7 @@ class Obstacles:
     source: Annotated[Source, Recognised(recognise)]
     out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out")
     to: FoundOutputs = field(default_factory=FoundOutputs)
+    mcap: McapContent = field(default_factory=McapContent)
     video: bool = False
     detector: AnyDetector | None = field(default_factory=Labels)
     also: AnyDetector | None = None
@@ -208,21 +213,29 @@ def run(job: Obstacles) -> ObstaclesReport:
     source = opened(job)
     check_usable(job.out)
     per_frame = ObstaclesFrame.of(job, source)
-    folders, products = job.folders, job.products
-    check_apart(job.out, paths_read(job.source), (*folders, *products), overwrite=job.overwrite)
-    with Run.open(job.out, job, source, products=products) as run:
-        settled = run.settled(source.ids)
+    recording = RecordingPlan.of(job, source, wanted=job.to.recording)
+    products = (*recording.names, *job.products)
+    check_apart(job.out, paths_read(job.source), (*job.folders, *products), overwrite=job.overwrite)
+    with (
+        Run.open(job.out, job, source, products=products) as run,
+        recording.open(job.out, run.expected(per_frame, crew=job.crew)) as log,
+    ):
+        settled = run.settled(log.held)
         run.check(
             wanted=job.check and len(settled) < len(source.ids),
             crew=job.crew,
             searching=job.searching,
         )
+        telling = Telling(job.out, source.ids, run.committed & settled, job.track)
         outcomes = stream(source, per_frame, crew=job.crew, skip=settled, in_flight=run.in_flight)
         for frame in run.good(outcomes):
+            told_frame = telling(frame.id, frame.value)  # in order: who is who
+            parts = told_parts(frame.value.parts, told_frame, index=frame.index, content=job.mcap)
+            log.append(frame.id, parts)
             run.commit(frame)
             if is_too_near(job, frame.value.figures):
                 break
-        told = told_frames(job.out, run.records(), job.track)
+        told = telling.finish()
         write_tables(job, told)
         if job.video:
             seen = {name: frame.obstacles for name, frame in told.items()}
@@ -230,7 +243,8 @@ def run(job: Obstacles) -> ObstaclesReport:
         corridor = None
         if job.corridor is not None:
             corridor = write_corridor(job.out / CORRIDOR, run.records(), source)
-    return ObstaclesReport(run.result(), job.out, written(job), corridor, job.stop_at)
+    files = (*(job.out / name for name in recording.files.values()), *written(job))
+    return ObstaclesReport(run.result(), job.out, files, corridor, job.stop_at)
 
 
 @dataclass(frozen=True)
@@ -243,6 +257,7 @@ class ObstaclesFrame:
         corridor: what is watched, if anything.
         near_m: things nearer than this get a mask; None for none.
         to: what else is written of a frame.
+        content: what the recording holds, where there is to be one.
         artist: makes pictures for the film, where there is to be one.
     """
 
@@ -251,6 +266,7 @@ class ObstaclesFrame:
     corridor: Corridor | None = None
     near_m: float | None = None
     to: FoundOutputs = field(default_factory=FoundOutputs)
+    content: McapContent = DEFAULT_CONTENT
     artist: ObstacleArtist | None = None
 
     @classmethod
@@ -268,7 +284,7 @@ class ObstaclesFrame:
         detect = None if detector is None else detector.load()
         sight = SightFrame.of(match, job.ground)
         artist = ObstacleArtist.of(source, sight, crew=job.crew) if job.video else None
-        return cls(sight, detect, job.corridor, job.near, job.to, artist)
+        return cls(sight, detect, job.corridor, job.near, job.to, job.mcap, artist)
 
     def __call__(self, frame: Frame) -> Product:
         """Find, and encode what was found.
@@ -283,7 +299,8 @@ class ObstaclesFrame:
             files.append(OutputFile.of(f"{NEAR_FOLDER}/{frame.id}.png", encode_png(mask)))
         if self.artist is not None:
             files += self.artist.files(frame, found.seen)
-        return Product(tuple(files), figures=figures(found))
+        parts = found_parts(found, self.content) if self.to.recording else {}
+        return Product(tuple(files), parts, figures(found))
 
     def found(self, frame: Frame) -> Found:
         """Match, reproject, detect, measure; the nearest obstacle first.

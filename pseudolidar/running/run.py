@@ -167,6 +167,11 @@ class Run:
             searching=searching,
         )
 
+    @property
+    def committed(self) -> frozenset[str]:
+        """Ids of the frames whose files are whole."""
+        return frozenset(self._journal.committed)
+
     def settled(self, held: Collection[str]) -> frozenset[str]:
         """Ids of frames that need not be done: committed and `held`, or hopeless.
 

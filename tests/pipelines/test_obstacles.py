@@ -8,6 +8,8 @@ import json
 import av
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 
 from pseudolidar.cli import main
 from pseudolidar.errors import LabelError, PseudolidarError
@@ -107,7 +109,7 @@ def test_obstacles_are_followed_where_that_is_asked_for(street, tmp_path) -> Non
 
 def test_followed_obstacles_go_to_clouds_label_files_and_a_film(street, tmp_path) -> None:
     job = ["obstacles", street, str(tmp_path), "--detector", "labels", "--track", "tracker"]
-    job += ["--to", "pcd,kitti", "--video"]
+    job += ["--to", "pcd,mcap,kitti", "--video"]
     assert main([*job, "--workers", "1"]) == 0
     obstacles = lines(tmp_path)
     identity = Pose.identity("camera_left", FRAME_CAM0)
@@ -123,9 +125,30 @@ def test_followed_obstacles_go_to_clouds_label_files_and_a_film(street, tmp_path
     with av.open(str(tmp_path / "obstacles.mp4")) as film:
         assert film.streams.video[0].codec_context.name == "h264"
         assert sum(1 for _ in film.decode(video=0)) >= 2
-    first = (tmp_path / "obstacles.jsonl").read_bytes()
+    check_recording(next(tmp_path.glob("*.mcap")), obstacles)
+    names = ("obstacles.jsonl", "obstacles.mp4")
+    first = [(tmp_path / name).read_bytes() for name in names]
     assert main(job) == 0  # nothing is left to do
-    assert (tmp_path / "obstacles.jsonl").read_bytes() == first
+    assert [(tmp_path / name).read_bytes() for name in names] == first
+
+
+def check_recording(path, obstacles) -> None:
+    """As the official reader sees it: the obstacles of the table, and all else of the frames."""
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        messages = [(c.topic, m.sequence, d) for _, c, m, d in reader.iter_decoded_messages()]
+    scenes = [d for topic, _, d in messages if topic == "/obstacles"]
+    edges = [d for topic, _, d in messages if topic == "/obstacles/edges"]
+    for number, (name, scene, points) in enumerate(zip(FRAMES, scenes, edges, strict=True)):
+        mine = [one for one in obstacles if one["frame"] == name]
+        assert [e.id for e in scene.entities] == [f"track/{one['track']}" for one in mine]
+        told = [{p.key: p.value for p in e.metadata} for e in scene.entities]
+        assert [p["distance_m"] for p in told] == [f"{one['distance_m']:.3f}" for one in mine]
+        assert {e.frame_id for e in scene.entities} == {points.frame_id} == {"camera_left"}
+        assert len(points.data) == len(mine) * 12 * 25 * points.point_stride
+        topics = {topic for topic, sequence, _ in messages if sequence == number}
+        assert {"/frame", "/stereo/points", "/stereo/disparity", "/stereo/depth", "/tf"} < topics
+        assert {"/camera/left/image", "/camera/right/image", "/camera/left/annotations"} < topics
 
 
 def test_a_box_on_the_command_line_measures_what_is_in_it(street, found, tmp_path) -> None:

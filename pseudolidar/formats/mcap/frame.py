@@ -148,6 +148,27 @@ def pack_frame(
     return FramePart(frame_id, chunks)
 
 
+def with_more(
+    part: FramePart,
+    messages: Sequence[LogMessage],
+    *,
+    index: int,
+    compression: Compression = "lz4",
+) -> FramePart:
+    """A frame with messages that are known later than the others, before its mark.
+
+    Args:
+        part: as `pack_frame` made it; its chunks stay as they are.
+        messages: small ones.
+        index: position of the frame in the source.
+        compression: of the chunks that are added.
+    """
+    if not messages:
+        return part
+    added = tuple(_packed(group, index, compression) for group in _groups(messages))
+    return FramePart(part.frame_id, (*part.chunks[:-1], *added, part.chunks[-1]))
+
+
 def describe_chunk(
     chunk: PackedChunk, records: bytes | memoryview, profile: Profile, *, offset: int
 ) -> IndexedChunk:

@@ -32,7 +32,7 @@ from pseudolidar.formats.points.columns import lines_beside
 from pseudolidar.geometry.frames import MAP, ODOM, camera_tree, component, frame_tree
 from pseudolidar.geometry.thinning import thinned
 from pseudolidar.structures.arrays import Image
-from pseudolidar.structures.camera import Camera
+from pseudolidar.structures.camera import LEFT_FRAME, Camera
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from pseudolidar.structures.frame import LidarScan, StereoFrame
@@ -132,14 +132,38 @@ def frame_messages(
             items = _depth_items(frame, results, content)
         case RecordedCloud():
             items = _cloud_items(frame, results, content)
-    profile, time_ns = profile_of(content), frame.timestamp_ns
+    return _encoded(items, content, frame.timestamp_ns)
+
+
+def obstacle_messages(
+    obstacles: Sequence[Obstacle],
+    *,
+    timestamp_ns: int,
+    frame: str = LEFT_FRAME,
+    content: McapContent = DEFAULT_CONTENT,
+) -> tuple[LogMessage, ...]:
+    """Of a frame its obstacles alone, for those who know them later than all else of it.
+
+    Args:
+        obstacles: in `frame`; none is a message, too.
+        timestamp_ns: of the frame.
+        frame: the left camera's, or the only one's.
+        content: how to write.
+    """
+    return _encoded(_obstacles(obstacles, frame), content, timestamp_ns)
+
+
+def _encoded(
+    items: Iterable[Item], content: McapContent, timestamp_ns: int
+) -> tuple[LogMessage, ...]:
+    profile = profile_of(content)
     encoded = (
-        (channel, topic.encode(item.content, time_ns))
+        (channel, topic.encode(item.content, timestamp_ns))
         for item in items
         for channel, topic in profile.topics_of(item.kind)
     )
     return tuple(
-        LogMessage(profile, channel, time_ns, parts) for channel, parts in encoded if parts
+        LogMessage(profile, channel, timestamp_ns, parts) for channel, parts in encoded if parts
     )
 
 

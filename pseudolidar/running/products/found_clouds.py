@@ -14,8 +14,9 @@ from pseudolidar.running.journal.record import OutputFile
 from pseudolidar.running.products.compared_outputs import COLUMN_KINDS, NOTHING
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.products.encoders import ENCODERS
-from pseudolidar.running.products.found import Found, ToldFrame
-from pseudolidar.running.products.outputs import file_name, folder_of
+from pseudolidar.running.products.found import Found
+from pseudolidar.running.products.outputs import MCAP, file_name, folder_of
+from pseudolidar.running.products.told import ToldFrame
 
 # Digits of KITTI's files: centimetres.
 DECIMALS = 2
@@ -27,8 +28,8 @@ class FoundOutputs:
     """What is written of obstacles beside the tables, as a comma list, or `none`.
 
     `pcd`, `ply` and their forms, and `npz` hold the clouds with a column `object`: the number of
-    the obstacle in its frame, 0 for none. `kitti` is a result file of each frame, label_2/ID.txt,
-    and with tracks tracking.txt.
+    the obstacle in its frame, 0 for none. `mcap` is one recording of pictures, maps, clouds and
+    obstacles. `kitti` is a result file of each frame, label_2/ID.txt, and with tracks tracking.txt.
 
     Args:
         kinds: names in the order given.
@@ -46,7 +47,7 @@ class FoundOutputs:
         kinds = tuple(part.strip() for part in text.split(",") if part.strip())
         if kinds == (NOTHING,):
             return cls()
-        known = (*COLUMN_KINDS, KITTI)
+        known = (*COLUMN_KINDS, MCAP, KITTI)
         folders = [folder_of(kind) for kind in kinds]
         if not kinds or not set(kinds) <= set(known) or len(set(folders)) < len(folders):
             raise UsageError(
@@ -61,12 +62,21 @@ class FoundOutputs:
     @property
     def clouds(self) -> tuple[str, ...]:
         """Kinds of clouds."""
-        return tuple(kind for kind in self.kinds if kind != KITTI)
+        return tuple(kind for kind in self.kinds if kind not in (KITTI, MCAP))
+
+    @property
+    def recording(self) -> bool:
+        """Whether an MCAP is asked for."""
+        return MCAP in self.kinds
 
     @property
     def folders(self) -> tuple[str, ...]:
         """Folders in the output folder that are written to."""
-        return tuple(LABEL_FOLDER if kind == KITTI else folder_of(kind) for kind in self.kinds)
+        return tuple(
+            LABEL_FOLDER if kind == KITTI else folder_of(kind)
+            for kind in self.kinds
+            if kind != MCAP
+        )
 
     def files(self, found: Found) -> list[OutputFile]:
         """Of one frame."""
