@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,6 +16,7 @@ from pseudolidar.formats.obstacle_words import (
     moves,
     name_text,
     speed_text,
+    unseen_text,
 )
 from pseudolidar.structures.arrays import Float64, UInt8
 from pseudolidar.structures.box import BOX_EDGES, Box3D
@@ -34,6 +36,8 @@ THICK_BELOW_M = 25.0
 ARROW_S, ARROW_TIP = 1.0, 0.25
 # A line leads to a label that is farther off than this, px.
 LEADER_PX = 8
+# What is only predicted has lines of dashes as long as the gaps between them, px.
+DASH_PX = 6.0
 BOTTOM_CORNERS = (0, 2, 6, 4)
 
 
@@ -74,12 +78,13 @@ def draw_in_photo(
         colour = colour_by_distance(obstacle.distance_m)
         thick = 2 if obstacle.distance_m < THICK_BELOW_M else 1
         corners = _scaled(obstacle.detection.box_px, scale)
-        _lines(photo, [(corners[i], corners[(i + 1) % 4]) for i in range(4)], colour, 1)
-        _lines(photo, _edges_px(obstacle.box, K, scale), colour, thick)
+        sides = [(corners[i], corners[(i + 1) % 4]) for i in range(4)]
+        _lines(photo, _styled(obstacle, sides, photo), colour, 1)
+        _lines(photo, _styled(obstacle, _edges_px(obstacle.box, K, scale), photo), colour, thick)
     boxes = [_inside(_scaled(one.detection.box_px, scale), photo) for one in near_first]
     places = Places((photo.shape[1], photo.shape[0]), boxes)
     for obstacle, box in zip(near_first, boxes, strict=True):
-        first = [name_text(obstacle), speed_text(obstacle)]
+        first = [name_text(obstacle), speed_text(obstacle), unseen_text(obstacle)]
         lines = ["  ".join(part for part in first if part), distance_text(obstacle)]
         _label(photo, places, lines, box, colour_by_distance(obstacle.distance_m))
 
@@ -96,7 +101,8 @@ def draw_from_above(picture: UInt8, obstacles: Sequence[Obstacle], view: AboveVi
     for obstacle in reversed(near_first):
         colour = colour_by_distance(obstacle.distance_m)
         corners = view.pixels(obstacle.box.corners_m()[list(BOTTOM_CORNERS)])
-        _lines(picture, [(corners[i], corners[(i + 1) % 4]) for i in range(4)], colour, 2)
+        sides = [(corners[i], corners[(i + 1) % 4]) for i in range(4)]
+        _lines(picture, _styled(obstacle, sides, picture), colour, 2)
         _lines(picture, [_error_bar(obstacle, view)], (255, 255, 255), 1)
         _arrow(picture, obstacle, view, colour)
     shown = [one for one in near_first if _is_in(view, one)]
@@ -149,6 +155,28 @@ def _pixel(point: Float64, K: Float64, scale: float) -> Float64:
     u = (K[0, 0] * x + K[0, 1] * y) / z + K[0, 2]
     v = K[1, 1] * y / z + K[1, 2]
     return np.array([scale * (u + 0.5) - 0.5, scale * (v + 0.5) - 0.5])
+
+
+def _styled(
+    obstacle: Obstacle, lines: Sequence[tuple[Float64, Float64]], picture: UInt8
+) -> Sequence[tuple[Float64, Float64]]:
+    """Whole lines of what is seen, dashes of what is only predicted."""
+    return _dashes(lines, picture) if obstacle.coasts else lines
+
+
+def _dashes(
+    lines: Sequence[tuple[Float64, Float64]], picture: UInt8
+) -> list[tuple[Float64, Float64]]:
+    """Every other part of each line, as far as it is in the picture."""
+    high, wide = picture.shape[:2]
+    dashes = []
+    for a, b in lines:
+        count = max(math.ceil(float(np.linalg.norm(b - a)) / DASH_PX), 1)
+        at = np.arange(0, count, 2)[:, None] / count
+        begins, ends = a + at * (b - a), a + (at + 1 / count) * (b - a)
+        shown = ((ends >= 0) & (begins < (wide, high))).all(axis=1)
+        dashes += list(zip(begins[shown], ends[shown], strict=True))
+    return dashes
 
 
 def _lines(

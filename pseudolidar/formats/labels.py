@@ -39,6 +39,7 @@ CLASSES = (
 KNOWN_CLASSES = (*CLASSES, "Person")
 COLUMNS, TRACKING_COLUMNS = 15, 17
 UNSET_SIZE_M, UNSET_LOCATION_M, UNSET_ANGLE_RAD = -1.0, -1000.0, -10.0
+UNKNOWN_OCCLUSION = 3
 UNSET_TRUNCATION, UNSET_OCCLUSION, UNSET_TRACK = -1, -1, -1
 
 
@@ -148,13 +149,15 @@ def encode_tracking_labels(
 def result_label(obstacle: Obstacle) -> Label:
     """An obstacle as KITTI's results have it: nothing is said of truncation and occlusion.
 
-    The score is that of the detector. A name of several words becomes one: `traffic_light`.
+    But of one that coasts, whose occlusion is 3, unknown. The score is that of the detector. A name
+    of several words becomes one: `traffic_light`.
     """
     name = "_".join(obstacle.detection.name.split()) or "object"
     track = obstacle.track
     return Label(
         replace(obstacle.detection, name=name, mask=None),
         obstacle.box,
+        occlusion=UNKNOWN_OCCLUSION if obstacle.coasts else None,
         track_id=None if track is None else track.track_id,
     )
 

@@ -39,6 +39,12 @@ def speed_text(obstacle: Obstacle) -> str:
     return f"{obstacle.track.speed_m_s:.1f} m/s" if moves(obstacle) and obstacle.track else ""
 
 
+def unseen_text(obstacle: Obstacle) -> str:
+    """Since when it is only predicted: `unseen 0.4 s`; nothing for what is seen."""
+    track = obstacle.track
+    return f"unseen {track.unseen_s:.1f} s" if obstacle.coasts and track is not None else ""
+
+
 def moves(obstacle: Obstacle) -> bool:
     """Whether it is believed to be followed, and its speed surely is one."""
     track = obstacle.track
@@ -51,8 +57,13 @@ def moves(obstacle: Obstacle) -> bool:
 
 
 def words(obstacle: Obstacle) -> tuple[str, ...]:
-    """Its lines: what it is, how far, and how fast where that is known."""
-    lines = (name_text(obstacle), distance_text(obstacle), speed_text(obstacle))
+    """Its lines: what it is, how far, and how fast where that is known; since when unseen."""
+    lines = (
+        name_text(obstacle),
+        distance_text(obstacle),
+        speed_text(obstacle),
+        unseen_text(obstacle),
+    )
     return tuple(line for line in lines if line)
 
 

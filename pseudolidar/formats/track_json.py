@@ -34,6 +34,7 @@ def track_fields(track: Track) -> dict[str, Any]:
             "centre_m": box.pose.translation_m.tolist(),
             "size_m": [box.length_m, box.width_m, box.height_m],
             "sigma_m": None if box.sigma_m is None else box.sigma_m.tolist(),
+            "sigma_ahead_m": _known(track.sigma_ahead_m),
             "rotation": box.pose.matrix[:3, :3].tolist(),
         },
     }
@@ -66,6 +67,7 @@ def track_of(fields: dict[str, Any]) -> Track | None:
         _number(fields["speed_m_s"]),
         _number(fields["sigma_speed_m_s"]),
         None if contact is None else Contact(**{name: float(contact[name]) for name in contact}),
+        _number(fields["track_box"].get("sigma_ahead_m")),
     )
 
 

@@ -17,13 +17,26 @@ def nearest_depth_m(box: Box3D, camera: Camera) -> float | None:
 
     By a grid on its faces, corners included: exact where the picture holds the box whole.
     """
-    points = box.pose.apply(_faces() * np.array([box.length_m, box.width_m, box.height_m]))
-    points = points[points[:, 2] > NEAREST_M]
-    u, v = _projected(points, camera).T
-    inside = (np.abs(2 * u - camera.width_px + 1) <= camera.width_px) & (
-        np.abs(2 * v - camera.height_px + 1) <= camera.height_px
-    )
-    return float(points[inside, 2].min()) if inside.any() else None
+    points, _ = _in_view(box, camera)
+    return float(points[:, 2].min()) if len(points) else None
+
+
+def seen_px(box: Box3D, camera: Camera) -> tuple[float, float, float, float] | None:
+    """Left, top, right, bottom of what of a box projects into the picture; None where none does.
+
+    Cut at its border; by a grid on its faces where part of the box is behind the camera.
+    """
+    _, uv = _in_view(box, camera)
+    if not len(uv):
+        return None
+    whole = outline_px(box, camera)
+    if whole is None:
+        (left, top), (right, bottom) = uv.min(axis=0), uv.max(axis=0)
+        whole = float(left), float(top), float(right), float(bottom)
+    widest, lowest = camera.width_px - 1.0, camera.height_px - 1.0
+    left, right = (min(max(u, 0.0), widest) for u in whole[::2])
+    top, bottom = (min(max(v, 0.0), lowest) for v in whole[1::2])
+    return left, top, right, bottom
 
 
 def outline_px(box: Box3D, camera: Camera) -> tuple[float, float, float, float] | None:
@@ -45,6 +58,16 @@ def across_m(box: Box3D) -> float:
     bearing = x / np.maximum(z, NEAREST_M)
     left, right = int(np.argmin(bearing)), int(np.argmax(bearing))
     return float((bearing[right] - bearing[left]) * 0.5 * (z[left] + z[right]))
+
+
+def _in_view(box: Box3D, camera: Camera) -> tuple[Float64, Float64]:
+    """Points on the faces of a box that project into the picture, and their pixels."""
+    points = box.pose.apply(_faces() * np.array([box.length_m, box.width_m, box.height_m]))
+    points = points[points[:, 2] > NEAREST_M]
+    uv = _projected(points, camera)
+    size = np.array([camera.width_px, camera.height_px])
+    inside = (np.abs(2 * uv - size + 1) <= size).all(axis=1)
+    return points[inside], uv[inside]
 
 
 def _faces() -> Float64:

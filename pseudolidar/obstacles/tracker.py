@@ -240,10 +240,10 @@ class Following:
         velocity, sigma = one.velocity_along(R)
         speed, sigma_speed = one.speed()
         box = one.box_in(T_camera_world)
-        contact = None
+        contact, covariance = None, one.covariance_along(R)
         if self._own_m_s is not None:
             relative = velocity - summed(R * self._own_m_s)
-            contact = contact_of(box, relative, one.covariance_along(R))
+            contact = contact_of(box, relative, covariance)
         return Track(
             one.track_id,
             box,
@@ -258,6 +258,7 @@ class Following:
             speed_m_s=speed,
             sigma_speed_m_s=sigma_speed,
             contact=contact,
+            sigma_ahead_m=math.sqrt(max(float(covariance[2, 2]), 0.0)),
         )
 
     @property

@@ -141,6 +141,7 @@ class Track:
         speed_m_s: level, without what rises or sinks.
         sigma_speed_m_s: one standard deviation.
         contact: with the camera's plane; None where it surely does not come nearer.
+        sigma_ahead_m: one standard deviation of the box's centre along the camera's axis.
     """
 
     track_id: int
@@ -156,6 +157,7 @@ class Track:
     speed_m_s: float = float("nan")
     sigma_speed_m_s: float = float("nan")
     contact: Contact | None = None
+    sigma_ahead_m: float = float("nan")
 
     def __post_init__(self) -> None:
         check_array("Track", "velocity_m_s", self.velocity_m_s, (3,), np.float64)

@@ -11,7 +11,7 @@ from pseudolidar.errors import StructureError
 from pseudolidar.structures.arrays import Int64, check_array
 from pseudolidar.structures.box import Box3D, Detection, Track
 
-MeasuredBy = Literal["points", "patch", "size"]
+MeasuredBy = Literal["points", "patch", "size", "track"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +24,8 @@ class Obstacle:
         sigma_distance_m: one standard deviation (68 %) of that.
         box: around it, in `camera_left`, with sigma.
         sigma_heading_rad: one standard deviation of the box's heading.
-        measured_by: its points; as one patch, where it is small and flat; or its size and place in
-            the picture where neither tells.
+        measured_by: its points; as one patch, where it is small and flat; its size and place in the
+            picture where neither tells; or its track, where it is not seen and only predicted.
         confidence: 0-1, how much of what it should be was seen to be so.
         truncated: part of it lies outside of the picture.
         occluded: something nearer hides part of it.
@@ -57,6 +57,11 @@ class Obstacle:
             raise StructureError(
                 "a box without sigma", want="one with it", where=f"obstacle {self.detection.name}"
             )
+
+    @property
+    def coasts(self) -> bool:
+        """Whether it is not seen in this frame, and told where its track should be."""
+        return self.track is not None and self.track.state == "coasting"
 
     @property
     def points(self) -> int:

@@ -21,6 +21,8 @@ from pseudolidar.structures.box import Box3D, Track
 from pseudolidar.structures.obstacle import Obstacle
 
 SEE_THROUGH, OPAQUE = 0.3, 1.0
+# What coasts is paler than what is seen by this.
+PALER = 0.35
 # An arrow is as long as the way of this time, s.
 ARROW_S = 1.0
 SHAFT_M, HEAD_M = 0.12, 0.35
@@ -120,9 +122,11 @@ def _facts(obstacle: Obstacle) -> dict[str, str]:
         facts |= {"track": str(track.track_id), "track_state": track.state}
         if track.contact is not None:
             facts["contact_s"] = f"{track.contact.time_s:.3f}"
+        if obstacle.coasts:
+            facts["unseen_s"] = f"{track.unseen_s:.3f}"
     return facts
 
 
 def _colour(obstacle: Obstacle, alpha: float) -> tuple[float, float, float, float]:
     red, green, blue = colour_by_distance(obstacle.distance_m)
-    return red / 255, green / 255, blue / 255, alpha
+    return red / 255, green / 255, blue / 255, alpha * (PALER if obstacle.coasts else 1.0)

@@ -27,6 +27,8 @@ from pseudolidar.structures.obstacle import Obstacle
 # visualization_msgs/Marker: an arrow between two points; diameters of its shaft and head, m.
 ARROW, SHAFT_M, HEAD_M = 0, 0.12, 0.3
 SEE_THROUGH, OPAQUE = 0.3, 1.0
+# What coasts is paler than what is seen by this.
+PALER = 0.35
 # An arrow is as long as the way of this time, s.
 ARROW_S = 1.0
 
@@ -42,9 +44,14 @@ def obstacle_markers_message(content: Obstacles, time_ns: int) -> Parts:
 
 
 def obstacle_detections_message(content: Obstacles, time_ns: int) -> Parts:
-    """Boxes for programs, with the covariance of their centres in the camera's axes."""
+    """Boxes for programs, with the covariance of their centres in the camera's axes.
+
+    Those that are seen alone: a detection cannot say that it is only predicted.
+    """
     detections = []
     for number, obstacle in enumerate(content.obstacles, start=1):
+        if obstacle.coasts:
+            continue
         box = obstacle.box
         hypothesis = {"class_id": obstacle.detection.name, "score": obstacle.detection.score}
         pose = ros_pose(box.pose)
@@ -66,6 +73,7 @@ def obstacle_detections_message(content: Obstacles, time_ns: int) -> Parts:
 
 def _markers(obstacle: Obstacle, identity: int, time_ns: int) -> list[dict[str, Any]]:
     box, track = obstacle.box, obstacle.track
+    share = PALER if obstacle.coasts else 1.0
     colour = tuple(part / 255 for part in colour_by_distance(obstacle.distance_m))
     common = {"header": header(box.pose.dst, time_ns), "id": identity, "action": ADD}
     placed = common | {"pose": ros_pose(box.pose)}
@@ -73,7 +81,7 @@ def _markers(obstacle: Obstacle, identity: int, time_ns: int) -> list[dict[str, 
         "ns": "obstacles",
         "type": CUBE,
         "scale": box_size(box),
-        "color": ros_colour((*colour, SEE_THROUGH)),
+        "color": ros_colour((*colour, SEE_THROUGH * share)),
     }
     text = {
         "ns": "words",
@@ -90,7 +98,7 @@ def _markers(obstacle: Obstacle, identity: int, time_ns: int) -> list[dict[str, 
             "type": ARROW,
             "pose": {"orientation": {"w": 1.0}},
             "scale": {"x": SHAFT_M, "y": HEAD_M},
-            "color": ros_colour((*colour, OPAQUE)),
+            "color": ros_colour((*colour, OPAQUE * share)),
             "points": [vector(centre), vector(centre + ARROW_S * track.velocity_m_s)],
         }
         markers.append(common | arrow)

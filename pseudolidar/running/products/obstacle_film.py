@@ -152,9 +152,11 @@ def read_picture(
             path=path,
         ) from error
     picture = np.asarray(read_image(path.with_suffix(".jpg")).pixels, np.uint8)
-    nearest = min((one.distance_m for one in obstacles), default=None)
+    seen = [one for one in obstacles if not one.coasts]
+    nearest = min((one.distance_m for one in seen), default=None)
     told = "nothing found" if nearest is None else f"nearest {nearest:.1f} m"
-    caption = f"{frame_id}   {time_s:.2f} s   {len(obstacles)} obstacles, {told}"
+    unseen = f", {len(obstacles) - len(seen)} unseen" if len(seen) < len(obstacles) else ""
+    caption = f"{frame_id}   {time_s:.2f} s   {len(seen)} obstacles, {told}{unseen}"
     return finished(
         picture, obstacles, photo_px=(width, height), K=K, ahead_m=ahead_m, caption=caption
     )

@@ -23,7 +23,7 @@ COLUMNS: tuple[tuple[str, str, int | str | None], ...] = (
     *((name, name, None) for name in ("truncated", "occluded", "measured_by")),
     *((name, "box_px", i) for i, name in enumerate(("left", "top", "right", "bottom"))),
     *((f"sigma_{name}_m", "sigma_centre_m", i) for i, name in enumerate(CENTRE)),
-    *((name, name, None) for name in ("track", "track_state", "over_ground")),
+    *((name, name, None) for name in ("track", "track_state", "unseen_s", "over_ground")),
     *((f"velocity_{axis}_m_s", "velocity_m_s", i) for i, axis in enumerate("xyz")),
     *((f"sigma_velocity_{axis}_m_s", "sigma_velocity_m_s", i) for i, axis in enumerate("xyz")),
     *((name, name, None) for name in ("speed_m_s", "sigma_speed_m_s")),
