@@ -50,6 +50,7 @@ from pseudolidar.running.folder import check_usable
 from pseudolidar.running.given import GivenSettings, given_maps
 from pseudolidar.running.matching import MatchFrame, Refining, steps_in_words
 from pseudolidar.running.nearness import Searching
+from pseudolidar.running.networks import networks_of
 from pseudolidar.running.products.compared_outputs import ComparedOutputs
 from pseudolidar.running.products.compared_products import ComparedEncoder
 from pseudolidar.running.products.encoders import FrameEncoder
@@ -283,7 +284,8 @@ def run_pairs(job: Compare, source: FrameSequence[StereoFrame]) -> ComparisonRep
         recording = RecordingPlan.of(job, source, wanted=job.to.coloured.recording)
         products = (*recording.names, *RESULTS)
         check_apart(job.out, job.read, (*job.to.folders, *products), overwrite=job.overwrite)
-        with Run.open(job.out, job, source, products=products) as run:
+        networks = networks_of(per_frame)
+        with Run.open(job.out, job, source, products=products, networks=networks) as run:
             gather_into(run, source, per_frame, missing, doing, recording)
         gathered = Gathered.read(job.out, ended_well(run.result()))
     if not gathered.frames:

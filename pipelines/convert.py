@@ -36,6 +36,7 @@ from pseudolidar.running.frame_checks import (
 from pseudolidar.running.given import GivenSettings, given_maps
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
+from pseudolidar.running.networks import networks_of
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.products.colmap_model import ColmapModel
 from pseudolidar.running.products.converted import Converted
@@ -244,7 +245,7 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
     read = paths_read(job.source, job.disparity, job.depth)
     check_apart(job.out, read, (*job.to.folders, *products), overwrite=job.overwrite)
     with (
-        Run.open(job.out, job, source, products=products) as run,
+        Run.open(job.out, job, source, products=products, networks=networks_of(per_frame)) as run,
         recording.open(job.out, run.expected(per_frame, crew=job.crew)) as log,
     ):
         settled = run.settled(log.held)

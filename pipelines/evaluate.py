@@ -128,6 +128,7 @@ class Evaluate:
             for in them (where small things stay by default, as in `obstacles`).
         reproject: which pixels become points of the clouds.
         detector: what says where objects are.
+        also: a second one, such as `cloud`; what both see is one obstacle.
         reference: the truth for disparity maps, a file or a folder with the same names; the clouds
             to compare clouds with, where the source's own scans are not meant.
         bins: edges of the ranges that clouds are judged by, whole metres.
@@ -160,6 +161,7 @@ class Evaluate:
     clean: Clean | None = field(default_factory=Clean)
     reproject: Reproject = field(default_factory=Reproject)
     detector: AnyDetector = field(default_factory=Labels)
+    also: AnyDetector | None = None
     reference: Path | None = None
     bins: DepthBins = DEFAULT_BINS
     frames: FrameSelection | None = None
@@ -301,11 +303,13 @@ def judge_labelled(job: Evaluate) -> ObstaclesReport:
         pairs, job.matcher, refining(job), clean, balance=job.balance, min_depth_m=job.min_depth
     )
     steps = steps_in_words(described(job.matcher), refining(job), clean)
+    detectors = (job.detector,) if job.also is None else (job.detector, job.also)
+    names = " and ".join(choice_name(type(one)) for one in detectors)
     return judge_obstacles(
         pairs,
         SightFrame.of(match, GroundFit()),
-        job.detector,
-        subject=f"{choice_name(type(job.detector))} measured by {steps} on {pairs.summary.line}",
+        detectors,
+        subject=f"{names} measured by {steps} on {pairs.summary.line}",
         crew=crew,
         on_error=job.on_error,
         tried=FRAMES_TRIED,

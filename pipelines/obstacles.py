@@ -29,6 +29,7 @@ from pseudolidar.running.folder import check_usable
 from pseudolidar.running.journal.record import OutputFile
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
+from pseudolidar.running.networks import networks_of
 from pseudolidar.running.products.corridor_table import (
     ahead_figures,
     ahead_of,
@@ -217,7 +218,7 @@ def run(job: Obstacles) -> ObstaclesReport:
     products = (*recording.names, *job.products)
     check_apart(job.out, paths_read(job.source), (*job.folders, *products), overwrite=job.overwrite)
     with (
-        Run.open(job.out, job, source, products=products) as run,
+        Run.open(job.out, job, source, products=products, networks=networks_of(per_frame)) as run,
         recording.open(job.out, run.expected(per_frame, crew=job.crew)) as log,
     ):
         settled = run.settled(log.held)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from pseudolidar.errors import ALL_DONE, SOME_SKIPPED
@@ -35,6 +35,7 @@ class ObstaclesReport:
         seconds_per_frame: median time of finding and measuring, matching included.
         skipped: id and reason of frames that could not be used.
         warnings: what is odd about the pairs.
+        networks: those that were used, as they describe themselves.
     """
 
     subject: str
@@ -46,6 +47,7 @@ class ObstaclesReport:
     seconds_per_frame: float | None = None
     skipped: Sequence[tuple[str, str]] = ()
     warnings: Sequence[str] = ()
+    networks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @property
     def exit_code(self) -> int:
@@ -94,6 +96,7 @@ class ObstaclesReport:
             "seconds_per_frame": self.seconds_per_frame,
             "skipped": [{"id": name, "reason": reason} for name, reason in self.skipped],
             "warnings": list(self.warnings),
+            "networks": dict(self.networks),
         }
 
     def text(self) -> str:
@@ -123,15 +126,17 @@ class ObstaclesReport:
         return "\n".join([*lines, *(f"skipped {name}: {why}" for name, why in self.skipped)])
 
     def _precision_lines(self) -> list[str]:
-        known = [one for one in self.precisions if one.n and one.difficulty == "moderate"]
+        known = [one for one in self.precisions if one.n]
         if not known:
             return []
         lines = [
-            "KITTI's AP of 40 recalls, moderate labels, from above and in 3D (fewer than 40 labels "
-            "cannot reach 100 %):"
+            "KITTI's AP of 40 recalls, from above and in 3D (fewer than 40 labels cannot reach "
+            "100 %):"
         ]
         for one in known:
-            head = f"  {one.name:12s} IoU {one.min_overlap:.1f}  {one.n:3d} labels"
+            head = (
+                f"  {one.name:12s} IoU {one.min_overlap:.1f}  {one.difficulty:8s} {one.n:4d} labels"
+            )
             lines.append(f"{head}  {one.bev or 0.0:6.1%}  {one.space or 0.0:6.1%}")
         return lines
 

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from pseudolidar.errors import ModelError, PseudolidarError, UsageError
+from pseudolidar.formats.onnx.licence import licence_of
 from pseudolidar.formats.onnx.model import OnnxModel, check_sha256, read_onnx
 from pseudolidar.formats.onnx.session import NetworkSession, Provider
 from pseudolidar.formats.onnx.trial import TrialLimits
@@ -23,7 +24,6 @@ from pseudolidar.obstacles.networks.crops import Crop, crops
 from pseudolidar.obstacles.networks.feed import own_size
 from pseudolidar.obstacles.networks.layout import DetectorLayout, layout_beside
 from pseudolidar.obstacles.networks.letterbox import Placement, laid, placement
-from pseudolidar.obstacles.networks.licence import licence_of
 from pseudolidar.obstacles.networks.merging import PartFound, check_inside, merged
 from pseudolidar.obstacles.networks.nms import best_boxes
 from pseudolidar.obstacles.networks.recognise import answers, family_of

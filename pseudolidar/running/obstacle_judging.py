@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,12 +12,14 @@ from pseudolidar.errors import ReferenceMissing
 from pseudolidar.evaluation.average_precision import BoxedFrame, average_precisions
 from pseudolidar.evaluation.obstacles import JudgedObject, judged_objects
 from pseudolidar.evaluation.obstacles_report import ObstaclesReport
+from pseudolidar.obstacles.combined import Combined
 from pseudolidar.obstacles.detector import Detector, DetectorSettings
 from pseudolidar.obstacles.labels import Labels
 from pseudolidar.obstacles.measure import measured
 from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.networks import networks_of
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.sighting import SightFrame
 from pseudolidar.running.stream import stream
@@ -66,7 +69,7 @@ class JudgeObstacles:
 def judge_obstacles(
     source: FrameSequence[StereoFrame],
     sight: SightFrame,
-    detector: DetectorSettings,
+    detectors: Sequence[DetectorSettings],
     *,
     subject: str,
     crew: CrewPlan,
@@ -79,7 +82,7 @@ def judge_obstacles(
     Args:
         source: pairs.
         sight: frame to sight.
-        detector: says where objects are.
+        detectors: say where objects are; what two of them see is one object.
         subject: what is judged, one line.
         crew: how frames are done.
         on_error: what a bad frame does.
@@ -89,7 +92,8 @@ def judge_obstacles(
     Raises:
         ReferenceMissing: no frame has labels.
     """
-    per_frame = JudgeObstacles(sight, detector.load())
+    one = detectors[0] if len(detectors) == 1 else Combined(tuple(detectors))
+    per_frame = JudgeObstacles(sight, one.load())
     skipped: list[Skipped] = []
     judged: list[JudgedFrame] = []
     without = 0
@@ -117,7 +121,8 @@ def judge_obstacles(
         objects=[one for frame in judged for one in frame.objects],
         frames=len(judged),
         precisions=average_precisions([frame.boxes for frame in judged]),
-        found_by_labels=isinstance(detector, Labels),
+        found_by_labels=any(isinstance(detector, Labels) for detector in detectors),
+        networks=networks_of(per_frame),
         without_labels=without,
         seconds_per_frame=float(np.median([frame.seconds for frame in judged])),
         skipped=[(frame.id, str(frame.error)) for frame in skipped],

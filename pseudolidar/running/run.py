@@ -92,6 +92,7 @@ class Run:
         products: Sequence[str] = (),
         stop: Callable[[], None] | None = None,
         tell: Callable[[], Mapping[str, Any]] = dict,
+        networks: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> Iterator[Self]:
         """Take the folder, start or continue its journal, and catch signals until the block ends.
 
@@ -106,6 +107,8 @@ class Run:
             stop: ends the source by itself; a first signal calls it, and the block goes on to its
                 end. None for sources that are finished another time.
             tell: figures of the run that are of no single frame, for `run.json`.
+            networks: those that frames are done by, as `networks_of` has them, for `run.json`; a
+                run that continues needs the same.
 
         Raises:
             OutputError: the folder cannot be written to.
@@ -115,13 +118,13 @@ class Run:
         with (
             own_folder(folder),
             Journal.open(
-                folder, identity(job, source), products=products, overwrite=job.overwrite
+                folder, identity(job, source, networks), products=products, overwrite=job.overwrite
             ) as journal,
             noting(folder) as in_flight,
             StopSignals(stop) as signals,
         ):
             run = cls(folder, journal, source, in_flight, on_error=job.on_error, signals=signals)
-            run._tell = tell
+            run._tell = tell if not networks else lambda: {**tell(), "networks": networks}
             try:
                 yield run
                 run._ended_by = SIGNAL_EXIT_BASE + signals.told if signals.told else ALL_DONE

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from pseudolidar.errors import PseudolidarError, StereoConfig
+from pseudolidar.formats.onnx.licence import licence_of
 from pseudolidar.formats.onnx.model import OnnxModel, check_sha256, read_onnx
 from pseudolidar.formats.onnx.session import NetworkSession, Provider
 from pseudolidar.geometry.grey import grey8_pair, rgb8, shift_to_8_bits
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from pseudolidar.stereo.networks.trial import TrialResult
 
 _log = logging.getLogger(__name__)
+# Digits of a hash that are shown to people.
+SHOWN = 12
 
 
 @dataclass(frozen=True)
@@ -93,8 +96,10 @@ class Onnx:
         check_sha256(model, self.sha256)
         result, decided_by = self._settled(model)
         matcher = NetworkMatcher(self, model, result.layout, min_depth_m)
+        file = f"sha256 {model.sha256()[:SHOWN]}, licence: {licence_of(model)}"
         where = f"{matcher.session.provider}, {self.threads} thread(s) a frame"
-        _log.info("network: %s; told by %s; runs on %s", result.layout, decided_by, where)
+        words = "network: %s; told by %s; %s; runs on %s"
+        _log.info(words, result.layout, decided_by, file, where)
         return matcher
 
     def _settled(self, model: OnnxModel) -> tuple[TrialResult, str]:
@@ -175,6 +180,17 @@ class NetworkMatcher:
             largest_px=s.max_disparity or float(frame.size_px[0]),
             sigma_scale=s.sigma_scale,
         )
+
+    def describe(self) -> dict[str, Any]:
+        """What ran, plain JSON values: file, hash, licence, layout, provider."""
+        return {
+            "file": self.model.path.name,
+            "sha256": self.model.sha256(),
+            "licence": licence_of(self.model),
+            "signature": self.model.signature,
+            "layout": self.layout.as_dict(),
+            "provider": self.session.provider,
+        }
 
     def disparity(self, left: UInt8, right: UInt8, range_px: int) -> Float32:
         """(H, W) px as the network has it, at the size of the pictures."""

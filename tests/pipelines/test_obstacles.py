@@ -193,6 +193,19 @@ def test_labels_judge_distances_by_band(street, capsys) -> None:
     assert len(found["objects"]) >= sum(band["n"] for band in bands)
 
 
+def test_two_detectors_are_judged_as_one(street, capsys) -> None:
+    """What labels leave out, points alone find; recall says nothing where labels take part."""
+    job = ("evaluate", "obstacles", street, "--frames", "0:1")
+    car = told(capsys, *job, "--detector", "labels", "--detector.classes", "pedestrian")
+    both = (*("--detector", "labels", "--detector.classes", "pedestrian"), "--also", "cloud")
+    more = told(capsys, *job, *both)
+    assert sum(one["measured_m"] is not None for one in car["objects"]) < sum(
+        one["measured_m"] is not None for one in more["objects"]
+    )
+    assert more["recall_2d"] is None
+    assert more["subject"].startswith("labels and cloud measured by")
+
+
 def test_what_has_no_labels_is_refused(drive, capsys, tmp_path) -> None:
     error = told(capsys, "evaluate", "obstacles", str(drive), "--no-check", code=3)["error"]
     assert "no frame has labels" in error["got"]

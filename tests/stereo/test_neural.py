@@ -227,7 +227,7 @@ def test_flags_come_before_a_sidecar_before_metadata_before_names(tmp_path, capl
     layout, line = told(caplog, path, layout=NetworkLayout(normalisation="unit"), probe=False)
     assert (layout.normalisation, layout.sign, layout.scale) == ("unit", "negative", 2)
     assert (layout.channels, layout.inputs) == ("rgb", "left,right")
-    assert "told by flags, its file, names (IGEV); runs on cpu" in line
+    assert "told by flags, its file, names (IGEV); sha256 " in line
 
 
 def test_names_without_a_probe_must_tell_all(tmp_path, caplog):

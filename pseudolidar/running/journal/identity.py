@@ -5,13 +5,16 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pseudolidar import __version__
 from pseudolidar.formats.onnx.model import read_onnx
-from pseudolidar.running.settings_json import result_settings
+from pseudolidar.obstacles.regions import Boxes
+from pseudolidar.running.networks import deciding
+from pseudolidar.running.settings_json import CHOICE_KEY, result_settings
 from pseudolidar.sources.source import FrameSequence
 from pseudolidar.structures.recorded import Frame
 
@@ -22,8 +25,9 @@ SYNTHETIC_TIME = "time: synthetic"
 # Settings of sources that are paths; files of calibration and of times count by their content.
 TIMES_FILES = ("times", "right_times")
 SOURCE_PLACES = ("path", "right", "rig", *TIMES_FILES)
-# A matcher's file counts by its content, too.
-MATCHER_FILE = "path"
+# Files of matchers and detectors count by their content, too: networks, and others.
+WITH_FILES = ("matcher", "detector", "also")
+NETWORK, NETWORK_FILE, OTHER_FILES, BOXES = "onnx", "path", ("names", "image"), "boxes"
 # Settings of `convert` that are folders of maps in place of a matcher.
 GIVEN_MAPS = ("disparity", "depth")
 # Settings of `obstacles` that may name files.
@@ -31,11 +35,21 @@ DETECTORS = ("detector", "also")
 _UNFIT_FOR_A_NAME = re.compile(r"[^\w.+-]+")
 
 
-def identity(job: Any, source: FrameSequence[Frame]) -> dict[str, Any]:
+def identity(
+    job: Any,
+    source: FrameSequence[Frame],
+    networks: Mapping[str, Mapping[str, Any]] | None = None,
+) -> dict[str, Any]:
     """Settings, version, source and calibration of a run, plain JSON values.
 
     Paths are resolved, so that it does not matter where the command is called from; of the
-    calibration and of files of times the content counts, and not which file it came from.
+    calibration, of files of times, networks, template pictures and drawn regions the content
+    counts, and not which file it came from.
+
+    Args:
+        job: settings of the run.
+        source: where the frames come from.
+        networks: those that are used, as `networks_of` has them.
     """
     wanted = result_settings(job)
     settings = without_places(wanted)
@@ -48,12 +62,24 @@ def identity(job: Any, source: FrameSequence[Frame]) -> dict[str, Any]:
         **{f"given_{name}": _resolved(wanted.get(name) or "") for name in GIVEN_MAPS},
         "calibration": hashlib.sha256(calibration_text(source).encode()).hexdigest(),
         **{f"source_{name}": _digest(Path(file)) for name, file in files.items()},
+        **({"networks": deciding(networks)} if networks else {}),
         **settings,
     }
 
 
 def _digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _by_content(choice: dict[str, Any]) -> dict[str, Any]:
+    """Settings of a matcher or a detector, its files named by their hash."""
+    files = {name: choice[name] for name in OTHER_FILES if choice.get(name)}
+    if BOXES in choice and (drawn := Boxes.parse(choice[BOXES]).path) is not None:
+        files[BOXES] = str(drawn)
+    named = {name: _digest(Path(file)) for name, file in files.items()}
+    if choice.get(CHOICE_KEY) == NETWORK:
+        named[NETWORK_FILE] = read_onnx(Path(choice[NETWORK_FILE])).sha256()
+    return choice | {name: f"sha256:{digest}" for name, digest in named.items()}
 
 
 def _resolved(place: str) -> str:
@@ -65,10 +91,8 @@ def without_places(settings: dict[str, Any]) -> dict[str, Any]:
     """Settings without what says only where things lie: a recording must not tell."""
     given = settings.get("source", {})
     source = {key: value for key, value in given.items() if key not in SOURCE_PLACES}
-    matcher = settings.get("matcher", {})
-    if MATCHER_FILE in matcher:
-        network = {MATCHER_FILE: f"sha256:{read_onnx(Path(matcher[MATCHER_FILE])).sha256()}"}
-        settings = settings | {"matcher": matcher | network}
+    files = {name: _by_content(settings[name]) for name in WITH_FILES if settings.get(name)}
+    settings = settings | files
     for name in GIVEN_MAPS:
         if settings.get(name):
             settings = settings | {"matcher": {"kind": f"given-{name}"}}

@@ -20,6 +20,7 @@ from pseudolidar.running.live.newest import Newest
 from pseudolidar.running.live.preview import LIVE_NAME
 from pseudolidar.running.live.saving import saved_pairs
 from pseudolidar.running.live.table import LiveTable
+from pseudolidar.running.networks import networks_of
 from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.running.products.product import Product
 from pseudolidar.running.products.recording import RecordingPlan
@@ -103,7 +104,15 @@ def record(
 
     with (
         keys(actions) as pressed,
-        Run.open(job.out, job, source, products=products, stop=cameras.stop, tell=told) as run,
+        Run.open(
+            job.out,
+            job,
+            source,
+            products=products,
+            stop=cameras.stop,
+            tell=told,
+            networks=networks_of(per_frame),
+        ) as run,
     ):
         before = _held_before(job, run, source)
         if views is not None:

@@ -1,0 +1,51 @@
+"""The networks that a run uses, as they describe themselves: for `run.json` and the journal."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pseudolidar.obstacles.onnx_detector import NetworkDetector
+from pseudolidar.stereo.neural import NetworkMatcher
+
+# What is found out about a network, by files beside it too, and decides about its answers. What
+# kind of file it was does not: its content is in the settings.
+DECIDES = ("layout", "input", "classes", "provider")
+
+
+def networks_of(part: object) -> dict[str, dict[str, Any]]:
+    """Every network among the parts of what does a frame, by what it is for, plain JSON values.
+
+    Args:
+        part: loaded, such as `ConvertFrame`; parts are fields of dataclasses, and members of tuples
+            and mappings in these.
+    """
+    told: dict[str, dict[str, Any]] = {}
+    for network in _found(part, set()):
+        kind = "detector" if isinstance(network, NetworkDetector) else "matcher"
+        same = sum(name.split()[0] == kind for name in told)
+        told[f"{kind} {same + 1}" if same else kind] = network.describe()
+    return told
+
+
+def deciding(networks: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """What of `networks_of` decides about a byte of the results: no name, no place."""
+    return {
+        name: {key: network[key] for key in DECIDES if key in network}
+        for name, network in networks.items()
+    }
+
+
+def _found(part: object, seen: set[int]) -> Iterator[NetworkDetector | NetworkMatcher]:
+    if id(part) in seen:
+        return
+    seen.add(id(part))
+    if isinstance(part, NetworkDetector | NetworkMatcher):
+        yield part
+    elif dataclasses.is_dataclass(part) and not isinstance(part, type):
+        for field in dataclasses.fields(part):
+            yield from _found(getattr(part, field.name, None), seen)
+    elif isinstance(part, tuple | Mapping):
+        for one in part.values() if isinstance(part, Mapping) else part:
+            yield from _found(one, seen)
