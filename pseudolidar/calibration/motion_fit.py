@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from pseudolidar.calibration.far_points import FarPoints
-from pseudolidar.calibration.motion_offset import (
+from pseudolidar.calibration.motion_scale import DepthScale, ScaleFrom, depth_scale
+from pseudolidar.errors import MotionInsufficient
+from pseudolidar.geometry.motion_offset import (
     MotionOffset,
     correction_coefficients,
     joint_offset,
 )
-from pseudolidar.calibration.motion_scale import DepthScale, ScaleFrom, depth_scale
-from pseudolidar.errors import MotionInsufficient
 from pseudolidar.geometry.pnp import RelativePose
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import StereoRig

@@ -14,8 +14,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pseudolidar.calibration.motion_offset import MotionOffset, shape_of
 from pseudolidar.errors import MotionInsufficient
+from pseudolidar.geometry.motion_offset import MotionOffset, shape_of
 from pseudolidar.geometry.robust import robust_sigma
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import UNREFINED_SIGMA_PX, StereoRig

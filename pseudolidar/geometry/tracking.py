@@ -7,14 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.geometry.corners import spread_corners
-from pseudolidar.geometry.gaps import filled
 from pseudolidar.geometry.grey import grey8_pair
 from pseudolidar.geometry.lucas_kanade import follow, follow_both_ways
 from pseudolidar.geometry.pnp import RelativePose, first_pose, refined_pose
 from pseudolidar.geometry.projection import project
 from pseudolidar.geometry.triangulation import points_by_q
+from pseudolidar.geometry.warping import NEAREST_M, Warp
 from pseudolidar.structures.arrays import Bool, Float32, Float64, UInt8
 from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.point_tracks import PointTracks
@@ -32,8 +33,8 @@ MAX_ROWS_PX, MAX_FROM_MATCHED_PX = 2.0, 1.5
 MAX_WARPED_SHIFT_PX = 4.0
 # Smaller disparities (plus doffs) are as good as infinite, px; they start no track.
 LEAST_PX = 0.7
-# Nearer than this nothing is predicted, m; a prediction farther off than that is none, px.
-NEAREST_M, MAX_PREDICTED_SHIFT_PX = 0.5, 250.0
+# A prediction farther off than this is none, px.
+MAX_PREDICTED_SHIFT_PX = 250.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +87,38 @@ def across(left: UInt8, right: UInt8, uv: Float32, d: Float32, *, levels: int = 
     return AcrossEyes(shift[:, 0], -shift[:, 1], found)
 
 
+@dataclass(frozen=True, eq=False)
+class Seeds:
+    """Corners of a left image that the right one shows too.
+
+    Args:
+        uv: (N, 2) float32 px, cell by cell of the image, strongest first.
+        d: (N,) float64 px, as measured.
+    """
+
+    uv: Float32
+    d: Float64
+
+    def __len__(self) -> int:
+        return len(self.d)
+
+    def __getitem__(self, index: Bool | slice) -> Seeds:
+        """The chosen ones."""
+        return Seeds(self.uv[index], self.d[index])
+
+    @classmethod
+    def of(cls, pair: MatchedPair, rig: StereoRig, per_cell: int) -> Seeds:
+        """Those that the right eye sees where the matched disparity says."""
+        uv = spread_corners(pair.left, per_cell=per_cell)
+        matched = pair.disparity_at(uv)
+        uv, matched = (column[matched + rig.doffs_px > LEAST_PX] for column in (uv, matched))
+        seen = across(pair.left, pair.right, uv, matched)
+        good = seen.found & (np.abs(seen.rows) < MAX_ROWS_PX)
+        good &= np.abs(seen.d - matched) < MAX_FROM_MATCHED_PX
+        good &= seen.d + rig.doffs_px > LEAST_PX / 2
+        return cls(uv[good], seen.d[good])
+
+
 def track(
     first: MatchedPair, second: MatchedPair, rig: StereoRig, T_to_from: Float64
 ) -> PointTracks:
@@ -97,7 +130,8 @@ def track(
         rig: rectified.
         T_to_from: (4, 4) a guess of the motion, such as that of the pairs before.
     """
-    uv, d = _seeds(first, rig, CORNERS_FIRST)
+    seeds = Seeds.of(first, rig, CORNERS_FIRST)
+    uv, d = seeds.uv, seeds.d
     guess = _predicted(uv, d, rig, T_to_from)
     there, found = follow_both_ways(
         first.left,
@@ -117,7 +151,13 @@ def track(
 
 
 def track_warped(
-    first: MatchedPair, second: MatchedPair, rig: StereoRig, T_to_from: Float64
+    first: MatchedPair,
+    second: MatchedPair,
+    rig: StereoRig,
+    T_to_from: Float64,
+    *,
+    seeds: Seeds | None = None,
+    correction: DisparityCorrection | None = None,
 ) -> PointTracks:
     """Many more corners, more precisely, where the motion is known well.
 
@@ -127,13 +167,15 @@ def track_warped(
     Args:
         first: the earlier pair.
         second: of the same size.
-        rig: rectified.
+        rig: rectified; its own correction is not used.
         T_to_from: (4, 4) the motion, right to a few pixels.
+        seeds: corners of the first pair, where they are known already.
+        correction: systematic error of the disparities, for the resampling; tracks are as measured.
     """
-    uv, d = _seeds(first, rig, CORNERS_PRECISE)
-    field = _warp_field(first.disparity, rig, T_to_from)
-    left = _resampled(second.left, field[..., 0], field[..., 1])
-    right = _resampled(second.right, field[..., 0] - field[..., 2], field[..., 1])
+    seeds = Seeds.of(first, rig, CORNERS_PRECISE) if seeds is None else seeds
+    uv, d = seeds.uv, seeds.d
+    warp = Warp.by(first.disparity, rig, T_to_from, correction)
+    left, right = warp.left(second.left), warp.right(second.right)
     at, found = follow_both_ways(
         first.left,
         left,
@@ -147,8 +189,8 @@ def track_warped(
     in_right, seen = follow(left, right, at, at, window_px=WINDOW_OVER_TIME_PX)
     apart = np.abs(in_right - at)
     found &= seen & (apart[:, 1] < MAX_ROWS_PX) & (apart[:, 0] < MAX_FROM_MATCHED_PX)
-    there, there_right = _sampled(field, at), _sampled(field, in_right)
-    d_there = there[:, 0] - (there_right[:, 0] - there_right[:, 2])
+    there = warp.at(at)
+    d_there = there[:, 0] - warp.at(in_right)[:, 2]
     height, width = first.left.shape
     found &= np.all((there[:, :2] > 0) & (there[:, :2] < (width - 1, height - 1)), axis=1)
     found &= d_there + rig.doffs_px > 0
@@ -181,59 +223,12 @@ def precise_pose(
     return refined_pose(T_to_from, track_warped(first, second, rig, T_to_from), rig)
 
 
-def _seeds(pair: MatchedPair, rig: StereoRig, per_cell: int) -> tuple[Float32, Float64]:
-    """Corners (N, 2) that the right eye sees where the matched disparity says, and it (N,)."""
-    uv = spread_corners(pair.left, per_cell=per_cell)
-    matched = pair.disparity_at(uv)
-    uv, matched = (column[matched + rig.doffs_px > LEAST_PX] for column in (uv, matched))
-    seen = across(pair.left, pair.right, uv, matched)
-    good = seen.found & (np.abs(seen.rows) < MAX_ROWS_PX)
-    good &= np.abs(seen.d - matched) < MAX_FROM_MATCHED_PX
-    good &= seen.d + rig.doffs_px > LEAST_PX / 2
-    return uv[good], seen.d[good]
-
-
 def _predicted(uv: Float32, d: Float64, rig: StereoRig, T_to_from: Float64) -> Float32:
     """(N, 2) where the points should be after the motion; where they were if that is far off."""
     points = points_by_q(d, uv[:, 0].astype(np.float64), uv[:, 1].astype(np.float64), rig)
     there, depth_m = project(points @ T_to_from[:3, :3].T + T_to_from[:3, 3], rig.P_left)
     near = np.abs(there - uv).max(axis=1) < MAX_PREDICTED_SHIFT_PX
     return np.where((near & (depth_m > NEAREST_M))[:, None], there, uv).astype(np.float32)
-
-
-def _warp_field(disparity: Float32, rig: StereoRig, T_to_from: Float64) -> Float32:
-    """(H, W, 3) u, v, d in the second pair of what each pixel of the first one shows."""
-    height, width = disparity.shape
-    above = np.maximum(filled(disparity) + np.float32(rig.doffs_px), np.float32(LEAST_PX / 2))
-    depth = np.nan_to_num(np.float32(rig.fB_px_m) / above, nan=np.inf)
-    K = rig.left.K.astype(np.float32)
-    x = (np.arange(width, dtype=np.float32) - K[0, 2]) / K[0, 0]
-    y = (np.arange(height, dtype=np.float32) - K[1, 2])[:, None] / K[1, 1]
-    R, t = T_to_from[:3, :3].astype(np.float32), T_to_from[:3, 3].astype(np.float32)
-    # Divided by the depth, so that what is at infinity stays finite.
-    inverse = np.float32(1.0) / depth
-    X, Y, Z = (R[i, 0] * x + R[i, 1] * y + R[i, 2] + t[i] * inverse for i in range(3))
-    Z = np.maximum(Z, np.float32(NEAREST_M) * inverse)
-    Z = np.maximum(Z, np.finfo(np.float32).eps)
-    d = np.float32(rig.fB_px_m) * inverse / Z - np.float32(rig.doffs_px)
-    return np.stack([K[0, 0] * X / Z + K[0, 2], K[1, 1] * Y / Z + K[1, 2], d], axis=-1)
-
-
-def _resampled(picture: UInt8, u: Float32, v: Float32) -> UInt8:
-    """(H, W) the picture at columns u and rows v; 0 outside of it."""
-    import cv2
-
-    return np.asarray(cv2.remap(picture, u, v, cv2.INTER_LINEAR), np.uint8)
-
-
-def _sampled(field: Float32, uv: Float32) -> Float64:
-    """(N, 3) of the field between its pixels."""
-    import cv2
-
-    if not len(uv):
-        return np.zeros((0, 3))
-    sampled = cv2.remap(field, uv[:, :1].copy(), uv[:, 1:].copy(), cv2.INTER_LINEAR)
-    return np.asarray(sampled.reshape(-1, 3), np.float64)
 
 
 def _tracks(

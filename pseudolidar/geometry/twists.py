@@ -66,3 +66,30 @@ def adjoint(T: Float64) -> Float64:
     matrix[:3, :3] = matrix[3:, 3:] = R
     matrix[:3, 3:] = skew(T[:3, 3]) @ R
     return matrix
+
+
+def log_twist(T: Float64) -> Float64:
+    """(6,) twist of a rigid motion (4, 4), the inverse of `exp_twist`; angles below pi.
+
+    Source: Barfoot, State Estimation for Robotics, section 7.1.4.
+    """
+    R, t = T[:3, :3], T[:3, 3]
+    axis = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    sine, cosine = float(np.linalg.norm(axis)), float(np.trace(R) - 1.0) / 2.0
+    angle = float(np.arctan2(sine, cosine))
+    rotation = axis if angle < SMALL_ANGLE_RAD else axis * angle / sine
+    W = skew(rotation)
+    if angle < SMALL_ANGLE_RAD:
+        third = 1.0 / 12.0
+    else:
+        half_sine = np.sin(angle / 2.0)
+        third = (1.0 - angle * sine / (4.0 * half_sine**2)) / angle**2
+    return np.concatenate([(np.eye(3) - 0.5 * W + third * (W @ W)) @ t, rotation])
+
+
+def inverted(T: Float64) -> Float64:
+    """(4, 4) the inverse of a rigid motion, exactly rigid."""
+    R, t = T[:3, :3], T[:3, 3]
+    inverse = np.eye(4)
+    inverse[:3, :3], inverse[:3, 3] = R.T, -R.T @ t
+    return inverse

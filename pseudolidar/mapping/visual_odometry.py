@@ -2,37 +2,53 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pseudolidar.errors import UsageError
+from pseudolidar.errors import StructureError, UsageError
 from pseudolidar.geometry.frames import ODOM
 from pseudolidar.geometry.pnp import RelativePose
-from pseudolidar.geometry.tracking import MatchedPair, precise_pose, relative_pose
-from pseudolidar.geometry.twists import adjoint
+from pseudolidar.geometry.tracking import MatchedPair
+from pseudolidar.geometry.twists import adjoint, exp_twist, inverted, log_twist
+from pseudolidar.mapping.disparity_offset import Offset, OffsetEstimate, by_offset, unscaled
+from pseudolidar.mapping.keyframe import Keyframe, Sight, movable_pixels
+from pseudolidar.mapping.keyframes import Keyframes
+from pseudolidar.mapping.path import Hung
+from pseudolidar.mapping.registration import covariance, inliers, registered
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.box import Detection
 from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.odometry import CameraStep, OdometryState
-from pseudolidar.structures.pose import Pose
+from pseudolidar.structures.pose import Pose, Trajectory
 
-# Tracks of a pair share the errors of what they see and are too sure of it by so much: variance.
-TOO_SURE = 10.0
+# A frame becomes the next keyframe when fewer than this share of the points agree that did in the
+# keyframe's first motion, or so many frames after it.
+KEPT_SHARE, LONGEST_FRAMES = 0.6, 10
+# A motion of whose direction or length less is known, m, is none: all that is seen is too far.
+MOST_UNSURE_M = 0.5
+# Six numbers of a motion need so many points at least.
+FEWEST_POINTS = 6
 
 
 @dataclass(frozen=True)
 class VisualOdometry:
-    """Stereo visual odometry.
+    """Stereo visual odometry: pairs chained by what they show.
 
     Args:
-        least_inliers: points that must agree on a step; with fewer the frame is lost.
-        reach: frames that a step may bridge when those between were lost; afterwards a new piece
-            of path begins.
+        least_inliers: points that must agree on a motion; with fewer the frame is lost.
+        reach: frames that may be lost in a row; a motion bridges them. After more a new piece of
+            path begins.
+        offset: whether the disparity offset is looked for, where the rig has no correction.
     """
 
     least_inliers: int = 30
     reach: int = 5
+    offset: bool = True
 
     def start(self, rig: StereoRig) -> VisualChain:
         """Begin with the cameras of all frames to come.
@@ -40,86 +56,239 @@ class VisualOdometry:
         Raises:
             UsageError: numbers that mean nothing.
         """
-        if self.least_inliers < 6 or self.reach < 1:
+        if self.least_inliers < FEWEST_POINTS or self.reach < 1:
             raise UsageError(
                 f"least_inliers {self.least_inliers}, reach {self.reach}",
-                want="at least 6 points and 1 frame",
+                want=f"at least {FEWEST_POINTS} points and 1 frame",
             )
         return VisualChain(self, rig)
 
 
 class VisualChain:
-    """Frames chained by what they show, in order.
+    """Follows the camera; give it the frames in order.
 
     Args:
         settings: as declared.
-        rig: rectified.
+        rig: rectified; the correction it has is used.
     """
 
     def __init__(self, settings: VisualOdometry, rig: StereoRig) -> None:
         self._settings, self._rig = settings, rig
-        self._last: MatchedPair | None = None
-        self._state = OdometryState("first", Pose.identity(ODOM, rig.left.frame))
-        self._T_to_from = np.eye(4)
-        self._lost = 0
+        self._estimate = OffsetEstimate(rig) if settings.offset and not rig.correction else None
+        self._registered = 0
+        self._pieces: list[Keyframes] = []
+        self._last: _Last | None = None
+        self._lost, self._most_agreed = 0, 0
 
-    def register(self, frame: StereoFrame, disparity: DisparityMap) -> OdometryState:
-        """Where the next frame was taken."""
-        pair = MatchedPair.of(frame, disparity)
-        if self._last is None:
-            return self._begin(pair, piece=0)
-        found = self._motion(self._last, pair)
-        if isinstance(found, str):
-            return self._lose(pair, found)
-        step = CameraStep(
-            np.asarray(np.linalg.inv(found.T_to_from)),
-            np.asarray(TOO_SURE * np.linalg.inv(found.information)),
-            frames=self._lost + 1,
-        )
-        self._T_to_from = found.T_to_from
-        self._last, self._lost = pair, 0
-        self._state = chained(self._state, step, found)
-        return self._state
+    @property
+    def offset(self) -> Offset:
+        """What is known of the rig's disparity offset by now."""
+        return self._estimate.now if self._estimate else Offset(sigma_px=0.0)
 
-    def _begin(self, pair: MatchedPair, *, piece: int) -> OdometryState:
-        self._last, self._lost, self._T_to_from = pair, 0, np.eye(4)
-        origin = Pose.identity(ODOM, self._rig.left.frame)
-        self._state = OdometryState("first", origin, covariance=np.zeros((6, 6)), piece=piece)
-        return self._state
+    @property
+    def correction(self) -> DisparityCorrection | None:
+        """What should be taken off disparities by now: for the rig, and for every cloud."""
+        return self.offset.correction(self._rig) if self._estimate else self._rig.correction
 
-    def _lose(self, pair: MatchedPair, why: str) -> OdometryState:
+    def trajectories(self) -> tuple[Trajectory, ...]:
+        """Poses `T_odom_camera` of all frames that were not lost, one trajectory for each piece.
+
+        Early ones are put right with what is known of the offset by now: better than what
+        `register` could tell at their time.
+
+        Raises:
+            StructureError: time stamps that do not increase.
+        """
+        return tuple(piece.path.trajectory(self.offset) for piece in self._pieces)
+
+    def register(
+        self, frame: StereoFrame, disparity: DisparityMap, movable: Sequence[Detection] = ()
+    ) -> OdometryState:
+        """Where the next frame was taken.
+
+        Args:
+            frame: of the same rig as all.
+            disparity: of its left image, as matched: no correction taken off.
+            movable: things in its left image that may move by themselves; they are not looked at.
+
+        Raises:
+            CalibrationSizeMismatch: the frame has another size than the rig.
+            StructureError: the disparities or a mask have another size than the frame.
+        """
+        sight = self._sight(frame, disparity, movable)
+        if self._last is None or self._lost > self._settings.reach:
+            return self._begin(sight, frame.timestamp_ns)
+        found = self._found(sight)
+        if isinstance(found, RelativePose):
+            return self._go_on(sight, frame.timestamp_ns, found)
+        return self._lose(found)
+
+    def _lose(self, why: str) -> OdometryState:
         self._lost += 1
-        piece = self._state.piece
-        if self._lost > self._settings.reach:
-            return self._begin(pair, piece=piece + 1)
-        return OdometryState("lost", piece=piece, why=why)
+        return OdometryState("lost", piece=max(0, len(self._pieces) - 1), why=why)
 
-    def _motion(self, before: MatchedPair, pair: MatchedPair) -> RelativePose | str:
-        """The motion, or why there is none."""
-        rough = relative_pose(before, pair, self._rig, self._T_to_from)
-        if rough is None:
-            return "too few points agree on a motion"
-        precise = precise_pose(before, pair, self._rig, rough.T_to_from) or rough
-        inliers = int((precise.weights >= 0.5).sum())
-        if inliers < self._settings.least_inliers:
-            return f"{inliers} points agree on a motion, {self._settings.least_inliers} are needed"
-        return precise
+    def _sight(
+        self, frame: StereoFrame, disparity: DisparityMap, movable: Sequence[Detection]
+    ) -> Sight:
+        height, width = frame.left.shape[:2]
+        self._rig.check_size(width, height)
+        masks = [one.mask for one in movable if one.mask is not None]
+        for what, shape in (
+            ("disparities", disparity.values.shape),
+            *(("a mask", mask.shape) for mask in masks),
+        ):
+            if shape != (height, width):
+                raise StructureError(
+                    f"{what} of shape {shape}", want=f"{(height, width)}", where=f"frame {frame.id}"
+                )
+        self._registered += 1
+        covered = movable_pixels(movable, (height, width))
+        return Sight(self._registered - 1, MatchedPair.of(frame, disparity), covered)
+
+    def _begin(self, sight: Sight, timestamp_ns: int) -> OdometryState:
+        """A piece of path from this frame on, if it shows enough."""
+        keyframe = Keyframe.of(sight, self._rig)
+        least = self._settings.least_inliers
+        blind = _blind(sight)
+        if blind or len(keyframe.seeds) < least:
+            why = blind or f"{len(keyframe.seeds)} corners that both eyes see, want {least}"
+            return self._lose(why)
+        piece = Keyframes(keyframe, self._rig, self.offset, least_inliers=least)
+        self._pieces.append(piece)
+        self._lost, self._most_agreed = 0, 0
+        hung = Hung.itself(self.offset)
+        piece.path.add_frame(timestamp_ns, hung)
+        self._last = _Last(sight, np.eye(4), hung, None)
+        return OdometryState(
+            "first",
+            Pose.identity(ODOM, self._rig.left.frame),
+            covariance=np.zeros((6, 6)),
+            piece=len(self._pieces) - 1,
+            keyframe=True,
+        )
+
+    def _found(self, sight: Sight) -> RelativePose | str:
+        """The motion from the newest keyframe, or why there is none."""
+        last = self._before
+        blind = _blind(sight) or _frozen(sight, last.sight)
+        if blind:
+            return blind
+        on = last.further(self._lost + 1)
+        T_odom_newest = self._pieces[-1].T_odom_newest
+        found = self._tried(sight, None if on is None else inverted(on) @ T_odom_newest)
+        if isinstance(found, str) and on is not None:
+            found = self._tried(sight, None)
+        if isinstance(found, str) and last.sight is not self._pieces[-1].newest.sight:
+            # The keyframe may be too far behind: the last frame becomes one.
+            self._add_keyframe(last.sight, last.hung)
+            self._last = replace(last, hung=Hung.itself(self.offset))
+            found = self._tried(sight, None)
+        return found
+
+    @property
+    def _before(self) -> _Last:
+        assert self._last is not None  # asked for once a piece has begun
+        return self._last
+
+    def _tried(self, sight: Sight, guess: Float64 | None) -> RelativePose | str:
+        """The motion near a guess, or why it is none."""
+        motion = registered(self._pieces[-1].newest, sight, self._rig, guess, self.correction)
+        least = self._settings.least_inliers
+        if motion is None:
+            return f"too few points agree on a motion, {least} are wanted"
+        agree = inliers(motion)
+        if agree < least:
+            return f"{agree} points agree on a motion, {least} are wanted"
+        unsure_m = float(np.sqrt(np.linalg.eigvalsh(covariance(motion)[:3, :3])[-1]))
+        if unsure_m > MOST_UNSURE_M:
+            return f"a motion known to {unsure_m:.1f} m only: all that is seen is too far away"
+        return motion
+
+    def _go_on(self, sight: Sight, timestamp_ns: int, motion: RelativePose) -> OdometryState:
+        """The frame at the newest keyframe, or as the next one."""
+        piece, offset = self._pieces[-1], self.offset
+        shift = by_offset(unscaled(motion, offset), self._rig, offset)
+        hung = Hung.of(motion.T_to_from, covariance(motion), shift, offset)
+        doubt = piece.doubt.after(hung)
+        gap = sight.number - piece.newest.sight.number
+        keyframe = self._is_next_key(gap, inliers(motion))
+        if keyframe:
+            if self._estimate:
+                self._estimate.add(motion, piece.newest.seeds)
+            self._add_keyframe(sight, hung)
+            T_odom = piece.T_odom_newest
+            hung_now = Hung.itself(offset)
+        else:
+            T_odom = piece.T_odom_newest @ hung.T_key_frame
+            hung_now = hung
+        piece.path.add_frame(timestamp_ns, hung_now)
+        step = self._step(T_odom, hung, self._before)
+        self._last = _Last(sight, T_odom, hung_now, step)
+        self._lost = 0
+        return OdometryState(
+            "ok",
+            Pose(ODOM, self._rig.left.frame, T_odom),
+            step=step,
+            covariance=doubt.total(self.offset),
+            piece=len(self._pieces) - 1,
+            tracks=motion.tracks,
+            weights=motion.weights,
+            keyframe_gap=gap,
+            keyframe=keyframe,
+        )
+
+    def _step(self, T_odom: Float64, hung: Hung, last: _Last) -> CameraStep:
+        """From the last frame; both hang at the same keyframe, and their errors add up."""
+        T_last_now = inverted(last.T_odom_camera) @ T_odom
+        carried = adjoint(inverted(T_last_now))
+        doubt = carried @ last.hung.covariance @ carried.T + hung.covariance
+        return CameraStep(T_last_now, doubt, frames=self._lost + 1)
+
+    def _is_next_key(self, gap: int, agree: int) -> bool:
+        """Whether the newest keyframe, so many frames back, has done its work."""
+        self._most_agreed = max(self._most_agreed, agree)
+        return agree < KEPT_SHARE * self._most_agreed or gap >= LONGEST_FRAMES
+
+    def _add_keyframe(self, sight: Sight, hung: Hung) -> None:
+        self._pieces[-1].add(Keyframe.of(sight, self._rig), hung, self.correction)
+        self._most_agreed = 0
 
 
-def chained(before: OdometryState, step: CameraStep, found: RelativePose) -> OdometryState:
-    """The state after a step; its covariance is that of the state before, seen from its end."""
-    assert before.T_odom_camera is not None
-    assert before.covariance is not None
-    frame = before.T_odom_camera.src
-    pose = before.T_odom_camera @ Pose(frame, frame, step.T_from_to)
-    seen_from_end = adjoint(step.T_to_from)
-    covariance = seen_from_end @ before.covariance @ seen_from_end.T + step.covariance
-    return OdometryState(
-        "ok",
-        pose,
-        step=step,
-        covariance=covariance,
-        piece=before.piece,
-        tracks=found.tracks,
-        weights=found.weights,
-    )
+@dataclass(frozen=True, eq=False)
+class _Last:
+    """The last frame that was not lost.
+
+    Args:
+        sight: what it shows.
+        T_odom_camera: (4, 4) its pose.
+        hung: at the newest keyframe.
+        step: that led to it, if it was not the first.
+    """
+
+    sight: Sight
+    T_odom_camera: Float64
+    hung: Hung
+    step: CameraStep | None
+
+    def further(self, frames: int) -> Float64 | None:
+        """(4, 4) pose so many frames later, if the camera goes on as before; None if unknown."""
+        if self.step is None:
+            return None
+        twist = log_twist(self.step.T_from_to) * (frames / self.step.frames)
+        return np.asarray(self.T_odom_camera @ exp_twist(twist))
+
+
+def _blind(sight: Sight) -> str:
+    """Why a frame shows nothing at all, or nothing."""
+    if not np.isfinite(sight.pair.disparity).any():
+        return "no pixel has a disparity: black, covered, or without texture"
+    if np.array_equal(sight.pair.left, sight.pair.right):
+        return "left and right are the same picture"
+    return ""
+
+
+def _frozen(sight: Sight, before: Sight) -> str:
+    """Whether a picture came twice, in words: no camera without noise exists."""
+    if np.array_equal(sight.pair.left, before.pair.left):
+        return "the same picture as the frame before, to the last bit: the camera does not deliver"
+    return ""

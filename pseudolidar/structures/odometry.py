@@ -72,9 +72,11 @@ class OdometryState:
             None where lost.
         piece: 0 at first; one more where odometry began anew after it was lost for long: poses of
             different pieces have nothing in common.
-        tracks: points that the step rests on, for drawing; none where there was no step.
+        tracks: points that the step rests on, for drawing: from the keyframe that the frame was
+            compared with to the frame; none where there was no step.
         weights: (N,) 0-1 of each track: near 0 for wrong ones and things that move.
-        keyframe: whether later frames are compared with this one.
+        keyframe_gap: how many frames before this one that keyframe was; 0 where there was no step.
+        keyframe: whether the frames after this one are compared with it.
         why: what was missing, where it is lost.
     """
 
@@ -85,6 +87,7 @@ class OdometryState:
     piece: int = 0
     tracks: PointTracks | None = None
     weights: Float64 = field(default_factory=lambda: np.zeros(0))
+    keyframe_gap: int = 0
     keyframe: bool = False
     why: str = ""
 

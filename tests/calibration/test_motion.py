@@ -9,13 +9,13 @@ import pytest
 from pseudolidar.calibration.far_points import FarPoints
 from pseudolidar.calibration.motion import Motion
 from pseudolidar.calibration.motion_fit import fitted
-from pseudolidar.calibration.motion_offset import (
+from pseudolidar.calibration.motion_scale import depth_scale
+from pseudolidar.errors import MotionInsufficient, UsageError
+from pseudolidar.geometry.motion_offset import (
     correction_coefficients,
     joint_offset,
     shape_of,
 )
-from pseudolidar.calibration.motion_scale import depth_scale
-from pseudolidar.errors import MotionInsufficient, UsageError
 from pseudolidar.geometry.pnp import refined_pose
 from pseudolidar.geometry.tracking import MatchedPair
 from pseudolidar.geometry.twists import exp_twist

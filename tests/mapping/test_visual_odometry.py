@@ -5,52 +5,161 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pseudolidar.errors import UsageError
-from pseudolidar.geometry.frames import left_in_base_link
+from pseudolidar.errors import CalibrationSizeMismatch, StructureError, UsageError
 from pseudolidar.mapping.visual_odometry import VisualOdometry
-from pseudolidar.sources.synthetic import Synthetic
+from pseudolidar.structures.box import Detection
+from pseudolidar.structures.disparity import DisparityMap
+from tests.mapping.worlds import Drive
 
-FRAMES = 4
+# Of the way, at small pictures and over few frames.
+MOST_ERROR_REL = 0.004
 
 
 @pytest.fixture(scope="module")
 def street():
-    """Frames of a small street, with exact disparities and camera poses in the first one."""
-    source = Synthetic("street", frames=FRAMES, width_px=620).open()
-    frames = [source.load(i) for i in range(FRAMES)]
-    T_base_left = left_in_base_link(source.rig).matrix
-    T_map = [frame.pose.matrix @ T_base_left for frame in frames]
-    return frames, [np.linalg.inv(T_map[0]) @ T for T in T_map]
+    return Drive.through("street", 7, width_px=480)
 
 
-def test_a_street_is_driven(street):
-    frames, truth = street
-    odometry = VisualOdometry().start(frames[0].rig)
-    states = [odometry.register(frame, frame.truth) for frame in frames]
-    assert [state.status for state in states] == ["first", "ok", "ok", "ok"]
-    length_m = np.linalg.norm(truth[-1][:3, 3])
-    error_m = np.linalg.norm(states[-1].T_odom_camera.translation_m - truth[-1][:3, 3])
-    assert error_m < 0.005 * length_m
+@pytest.fixture(scope="module")
+def driven(street):
+    """States, and the odometry that told them."""
+    odometry = VisualOdometry().start(street.rig)
+    return [odometry.register(frame, frame.truth) for frame in street.frames], odometry
+
+
+def black(frame):
+    nothing = np.zeros_like(frame.left)
+    return replace(frame, left=nothing, right=nothing)
+
+
+def unknown(frame):
+    return DisparityMap(np.full_like(frame.truth.values, np.nan))
+
+
+def test_a_street_is_driven(street, driven):
+    states, odometry = driven
+    assert [state.status for state in states] == ["first", *["ok"] * 6]
+    assert street.error_rel(states[-1]) < MOST_ERROR_REL
     assert all(state.inliers >= 100 for state in states[1:])
+    assert 2 <= sum(state.keyframe for state in states) <= 6
     steps = np.linalg.multi_dot([state.step.T_from_to for state in states[1:]])
     assert np.allclose(steps, states[-1].T_odom_camera.matrix)
+    (path,) = odometry.trajectories()
+    error_m = np.linalg.norm(path.T_world_body[:, :3, 3] - street.T_odom[:, :3, 3], axis=1)
+    assert error_m.max() < MOST_ERROR_REL * street.length_m
+    assert path.timestamps_ns.tolist() == [frame.timestamp_ns for frame in street.frames]
+
+
+def test_the_same_poses_each_time(street, driven):
+    odometry = VisualOdometry().start(street.rig)
+    again = [odometry.register(frame, frame.truth) for frame in street.frames[:4]]
+    for state, known in zip(again, driven[0], strict=False):
+        assert np.array_equal(state.T_odom_camera.matrix, known.T_odom_camera.matrix)
+
+
+@pytest.mark.parametrize("world", ["room", "flight"])
+def test_other_worlds(world):
+    drive = Drive.through(world, 4, width_px=360)
+    odometry = VisualOdometry().start(drive.rig)
+    states = [odometry.register(frame, frame.truth) for frame in drive.frames]
+    error_m = np.linalg.norm(states[-1].T_odom_camera.translation_m - drive.T_odom[-1, :3, 3])
+    # the room's steps are of a few centimetres, and its pixels of 5 mm
+    assert error_m < MOST_ERROR_REL * drive.length_m + 0.003
+    assert 0.05 < np.mean(drive.step_nees(states)) < 2.5
+    assert drive.pose_nees(3, states[-1]) < 3
+
+
+def test_covariances_are_honest(street, driven):
+    states, _ = driven
+    assert 0.1 < np.mean(street.step_nees(states)) < 2
+    assert np.mean([street.pose_nees(at, states[at]) for at in range(1, 7)]) < 2
+    grown = [np.linalg.det(state.covariance) for state in states[1:]]
+    assert grown[-1] > grown[0]
 
 
 def test_a_black_frame_is_lost_and_bridged(street):
-    frames, truth = street
-    odometry = VisualOdometry().start(frames[0].rig)
-    odometry.register(frames[0], frames[0].truth)
-    black = np.zeros_like(frames[1].left)
-    nothing = replace(frames[1].truth, values=np.full_like(frames[1].truth.values, np.nan))
-    lost = odometry.register(replace(frames[1], left=black, right=black), nothing)
-    assert lost.status == "lost"
-    assert lost.T_odom_camera is None
-    assert "points" in lost.why
-    found = odometry.register(frames[2], frames[2].truth)
-    assert (found.status, found.step.frames) == ("ok", 2)
-    assert np.linalg.norm(found.T_odom_camera.translation_m - truth[2][:3, 3]) < 0.02
+    frames = street.frames
+    odometry = VisualOdometry().start(street.rig)
+    for frame in frames[:3]:
+        odometry.register(frame, frame.truth)
+    lost = odometry.register(black(frames[3]), unknown(frames[3]))
+    assert (lost.status, lost.T_odom_camera, lost.step) == ("lost", None, None)
+    assert "no pixel has a disparity" in lost.why
+    found = odometry.register(frames[4], frames[4].truth)
+    assert (found.status, found.step.frames, found.piece) == ("ok", 2, 0)
+    assert street.error_rel(found, at=4) < MOST_ERROR_REL
+    assert len(odometry.trajectories()[0]) == 4
 
 
-def test_settings_without_meaning_are_refused(street):
+def test_a_camera_that_delivers_one_picture_is_lost(street):
+    first, second = street.frames[:2]
+    odometry = VisualOdometry().start(street.rig)
+    odometry.register(first, first.truth)
+    assert "the same picture as the frame before" in odometry.register(first, first.truth).why
+    same_eyes = replace(second, right=second.left)
+    assert "left and right are the same" in odometry.register(same_eyes, second.truth).why
+    assert odometry.register(second, second.truth).status == "ok"
+
+
+def test_a_new_piece_begins_after_long_darkness(street):
+    frames = street.frames
+    odometry = VisualOdometry(reach=1).start(street.rig)
+    dark = odometry.register(black(frames[0]), unknown(frames[0]))
+    assert (dark.status, dark.piece) == ("lost", 0)
+    assert odometry.register(frames[0], frames[0].truth).status == "first"
+    for frame in frames[1:4]:
+        assert odometry.register(black(frame), unknown(frame)).status == "lost"
+    anew = odometry.register(frames[4], frames[4].truth)
+    assert (anew.status, anew.piece) == ("first", 1)
+    assert np.array_equal(anew.T_odom_camera.matrix, np.eye(4))
+    assert odometry.register(frames[5], frames[5].truth).piece == 1
+    assert [len(path) for path in odometry.trajectories()] == [1, 2]
+
+
+BOARD_PX = 160
+
+
+def with_board(frame, *, at):
+    """A board at 10 px of disparity, whose texture is the strongest in the picture."""
+    noise = np.random.default_rng(3).integers(0, 256, (50, BOARD_PX // 2, 1), np.uint8)
+    board = np.repeat(np.kron(noise, np.ones((2, 2, 1), np.uint8)), 3, axis=2)
+    left, right, values = frame.left.copy(), frame.right.copy(), frame.truth.values.copy()
+    left[20:120, at : at + BOARD_PX] = board
+    right[20:120, at - 10 : at + BOARD_PX - 10] = board
+    values[20:120, at : at + BOARD_PX] = 10.0
+    return replace(frame, left=left, right=right), DisparityMap(values)
+
+
+@pytest.mark.parametrize("known_by", ["box", "mask", None])
+def test_movable_things_are_not_looked_at(street, known_by):
+    odometry = VisualOdometry(offset=False).start(street.rig)
+    for frame, at in zip(street.frames[:3], (60, 66, 72), strict=True):
+        shown, disparity = with_board(frame, at=at)
+        box_px = (at - 12.0, 8.0, at + BOARD_PX + 11.0, 131.0)
+        mask = np.zeros(frame.left.shape[:2], np.bool_)
+        mask[8:132, at - 12 : at + BOARD_PX + 12] = True
+        thing = Detection("van", box_px, mask=mask if known_by == "mask" else None)
+        state = odometry.register(shown, disparity, [thing] if known_by else [])
+    u, v = state.tracks.uv_from.T
+    on_board = (u >= 60) & (u < 60 + BOARD_PX) & (v >= 20) & (v < 120)
+    error_m = np.linalg.norm(state.T_odom_camera.translation_m - street.T_odom[2, :3, 3])
+    if known_by:
+        assert not on_board.any()
+        assert error_m < 0.02
+    else:  # most points stay on the board
+        assert on_board.mean() > 0.5
+        assert error_m > 0.5
+
+
+def test_what_does_not_fit_is_refused(street):
+    frame = street.frames[0]
     with pytest.raises(UsageError, match="least_inliers"):
-        VisualOdometry(least_inliers=3).start(street[0][0].rig)
+        VisualOdometry(least_inliers=3).start(street.rig)
+    odometry = VisualOdometry().start(street.rig)
+    with pytest.raises(StructureError, match="disparities of shape"):
+        odometry.register(frame, DisparityMap(frame.truth.values[:-1]))
+    small = Detection("car", (0.0, 0.0, 5.0, 5.0), mask=np.ones((3, 3), np.bool_))
+    with pytest.raises(StructureError, match="a mask of shape"):
+        odometry.register(frame, frame.truth, [small])
+    with pytest.raises(CalibrationSizeMismatch):
+        VisualOdometry().start(street.rig.scaled_to(960, 290)).register(frame, frame.truth)

@@ -74,6 +74,7 @@ def filters() -> str:
     from pseudolidar.geometry.frames import frame_tree
     from pseudolidar.geometry.normals import normals_of_neighbours
     from pseudolidar.geometry.rectified_pixels import unmasked
+    from pseudolidar.geometry.warping import Warp
     from pseudolidar.stereo.filters.clean import Clean
     from pseudolidar.stereo.filters.filled_map import Surfaces
     from pseudolidar.stereo.filters.map_filter import MapFilters
@@ -93,6 +94,8 @@ def filters() -> str:
     _check(np.allclose(fused.values, _SHIFT_PX, atol=0.01), "a flat wall, seen twice")
     cleaned = Clean().load()(frame, DisparityMap(values, np.full_like(values, 0.1)))
     _check(not cleaned.reason[:, _SHIFT_PX:].any(), "a flat wall, cleaned")
+    there = Warp.by(values, frame.rig, np.eye(4)).maps[0]
+    _check(np.allclose(there, np.arange(_WIDTH), atol=0.01), "a flat wall, seen from where it was")
     shown = np.ones((_HEIGHT, _WIDTH), bool)
     shown[:, _WIDTH // 2 :] = False
     half = unmasked(wall, PairMask(shown, np.ones_like(shown)))

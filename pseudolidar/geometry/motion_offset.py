@@ -100,7 +100,7 @@ def joint_offset(
     shape_px, motions = np.zeros(unknowns), tuple(motions)
     for iteration in range(ITERATIONS):
         parts = [
-            _eliminated(motion, rig, shape_px, forgetting=iteration >= CAUCHY_ITERATIONS)
+            eliminated(motion, rig, shape_px, forgetting=iteration >= CAUCHY_ITERATIONS)
             for motion in motions
         ]
         information = np.stack([part.information for part in parts])
@@ -121,8 +121,16 @@ def _solved(information: Float64, wish: Float64) -> Float64:
 
 
 @dataclass(frozen=True, eq=False)
-class _Eliminated:
-    """What one motion says of the offset when the motion itself is unknown."""
+class Eliminated:
+    """What one motion says of the offset when the motion itself is unknown.
+
+    Args:
+        motion: as it was given, with information and weights at that offset.
+        information: (K, K) 1/px^2, as its tracks alone tell.
+        pull: (K,) 1/px, where the tracks want the offset to go.
+        step: (6,) twist on the left of `T_to_from` that the tracks want, at this offset.
+        step_by_shape: (6, K) what less of it each px of offset makes.
+    """
 
     motion: RelativePose
     information: Float64
@@ -139,13 +147,22 @@ class _Eliminated:
         return np.asarray(-np.sum(along[:, None] * self.step_by_shape[:3], axis=0))
 
     def moved(self, shape_step_px: Float64) -> RelativePose:
+        """The motion as it is best where the offset changes by (K,) px."""
         twist = self.step - self.step_by_shape @ shape_step_px
         return replace(self.motion, T_to_from=exp_twist(twist) @ self.motion.T_to_from)
 
 
-def _eliminated(
+def eliminated(
     motion: RelativePose, rig: StereoRig, shape_px: Float64, *, forgetting: bool
-) -> _Eliminated:
+) -> Eliminated:
+    """What a motion says of the offset, near an offset.
+
+    Args:
+        motion: near its best; its tracks as measured.
+        rig: rectified; its own correction is not used.
+        shape_px: (K,) the offset, and the bend where that is sought.
+        forgetting: whether outliers are forgotten, or still pull.
+    """
     tracks = motion.tracks
     shape = [shape_of(uv[:, 0], rig, len(shape_px)) for uv in (tracks.uv_from, tracks.uv_to)]
     offset_px = np.stack([np.sum(each * shape_px, axis=1) for each in shape])
@@ -158,7 +175,7 @@ def _eliminated(
     H = np.einsum("nij,nik->jk", columns, weighted)
     b = np.einsum("nij,ni->j", weighted, at.error)
     solved = np.linalg.solve(H[:6, :6], np.column_stack([b[:6], H[:6, 6:]]))
-    return _Eliminated(
+    return Eliminated(
         motion=replace(motion, information=H[:6, :6], weights=weights),
         information=H[6:, 6:] - H[6:, :6] @ solved[:, 1:],
         pull=b[6:] - H[6:, :6] @ solved[:, 0],

@@ -1,0 +1,113 @@
+"""How the camera moved from a keyframe to another frame: roughly first, then precisely."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pseudolidar.geometry.lucas_kanade import follow
+from pseudolidar.geometry.pnp import KERNEL_SIGMA, RelativePose, first_pose, refined_pose
+from pseudolidar.geometry.tracking import WINDOW_OVER_TIME_PX, relative_pose, track_warped
+from pseudolidar.geometry.warping import Warp
+from pseudolidar.mapping.keyframe import Keyframe, Sight
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.correction import DisparityCorrection
+from pseudolidar.structures.point_tracks import PointTracks
+
+# Every so many corners are enough for a first pose; pictures warped by a guess are compared on
+# these halvings, for guesses off by some pixels.
+ROUGH_EVERY, ROUGH_LEVELS = 3, 2
+# Median of chi-square with the three degrees of freedom of (u, v, d).
+MEDIAN_CHI2_3 = 2.366
+# Errors of tracks are alike next to each other (windows overlap, seeds are shared): motions err
+# more than independent ones would, in variance. Measured on rendered worlds, 2026-11.
+ALIKE = 6.0
+
+
+def registered(
+    key: Keyframe,
+    sight: Sight,
+    rig: StereoRig,
+    guess: Float64 | None,
+    correction: DisparityCorrection | None,
+) -> RelativePose | None:
+    """The motion from a keyframe to a frame.
+
+    Args:
+        key: the earlier frame.
+        sight: the later one.
+        rig: rectified; its own correction is not used.
+        guess: (4, 4) `T_to_from` as it would be if the camera went on as before; None where
+            nothing is known.
+        correction: systematic error of the disparities.
+
+    Returns:
+        With tracks as measured; None where too few points agree on a motion.
+    """
+    rough = None if guess is None else _rough(key, sight, rig, guess, correction)
+    if rough is None:
+        found = relative_pose(key.sight.pair, sight.pair, rig, np.eye(4))
+        if found is None:
+            return None
+        rough = found.T_to_from
+    tracks = track_warped(
+        key.sight.pair, sight.pair, rig, rough, seeds=key.seeds, correction=correction
+    )
+    tracks = tracks[sight.still(tracks.uv_to)]
+    return refined_pose(rough, tracks, rig, offset_px=offsets_px(tracks, rig, correction))
+
+
+def inliers(motion: RelativePose) -> int:
+    """Points that agree with a motion: weight of a half or more."""
+    return int((motion.weights >= 0.5).sum())
+
+
+def covariance(motion: RelativePose) -> Float64:
+    """(6, 6) of a twist on the left of `T_to_from`: by how far its points disagree.
+
+    The inverse of the information, times the variance that residuals really have, times what errors
+    of neighbouring points have in common.
+    """
+    chi2 = KERNEL_SIGMA**2 * (1.0 / np.sqrt(motion.weights) - 1.0)  # Geman-McClure, turned round
+    spread = float(np.median(chi2)) / MEDIAN_CHI2_3
+    return np.asarray(ALIKE * spread * np.linalg.inv(motion.information))
+
+
+def offsets_px(
+    tracks: PointTracks, rig: StereoRig, correction: DisparityCorrection | None
+) -> Float64:
+    """(2, N) px that the disparities of tracks are too large by, before and after."""
+    if correction is None:
+        return np.zeros((2, len(tracks)))
+    size_px = rig.left.size_px
+    return np.stack(
+        [
+            correction.offset_px(d, uv[:, 0], uv[:, 1], size_px)
+            for d, uv in ((tracks.d_from, tracks.uv_from), (tracks.d_to, tracks.uv_to))
+        ]
+    )
+
+
+def _rough(
+    key: Keyframe,
+    sight: Sight,
+    rig: StereoRig,
+    guess: Float64,
+    correction: DisparityCorrection | None,
+) -> Float64 | None:
+    """(4, 4) that most of a few corners agree on, found in pictures warped by the guess."""
+    warp = Warp.by(key.sight.pair.disparity, rig, guess, correction)
+    some = key.seeds[::ROUGH_EVERY]
+    at, found = follow(
+        key.sight.pair.left,
+        warp.left(sight.pair.left),
+        some.uv,
+        some.uv,
+        window_px=WINDOW_OVER_TIME_PX,
+        levels=ROUGH_LEVELS,
+    )
+    there = warp.at(at)[:, :2]
+    uv = some.uv.astype(np.float64)
+    tracks = PointTracks(uv, some.d, there, some.d)
+    tracks = PointTracks(uv, some.d - offsets_px(tracks, rig, correction)[0], there, some.d)
+    return first_pose(tracks[found & sight.still(there)], rig)

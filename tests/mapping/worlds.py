@@ -1,0 +1,65 @@
+"""Rendered worlds with the poses that their left camera really had."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pseudolidar.geometry.frames import left_in_base_link
+from pseudolidar.geometry.twists import inverted, log_twist
+from pseudolidar.sources.synthetic import Synthetic
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.odometry import OdometryState
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """Frames and poses.
+
+    Args:
+        rig: of all frames.
+        frames: with exact disparities.
+        T_odom: (N, 4, 4) of the left camera in that of the first frame.
+    """
+
+    rig: StereoRig
+    frames: list[StereoFrame]
+    T_odom: np.ndarray
+
+    @classmethod
+    def through(cls, world: str, frames: int, **options: int) -> Drive:
+        source = Synthetic(world, frames=frames, **options).open()
+        return cls.of([source.load(i) for i in range(frames)])
+
+    @classmethod
+    def of(cls, frames: list[StereoFrame]) -> Drive:
+        T_base_left = left_in_base_link(frames[0].rig).matrix
+        T_map = np.stack([frame.pose.matrix @ T_base_left for frame in frames])
+        return cls(frames[0].rig, frames, inverted(T_map[0]) @ T_map)
+
+    @property
+    def length_m(self) -> float:
+        return float(np.linalg.norm(np.diff(self.T_odom[:, :3, 3], axis=0), axis=1).sum())
+
+    def error_rel(self, state: OdometryState, at: int = -1) -> float:
+        """Error of a pose as a share of the whole length."""
+        error_m = state.T_odom_camera.translation_m - self.T_odom[at, :3, 3]
+        return float(np.linalg.norm(error_m)) / self.length_m
+
+    def step_nees(self, states: list[OdometryState]) -> list[float]:
+        """Normalised squared errors of all steps, by their number of dimensions: 1 is honest."""
+        nees = []
+        for at, state in enumerate(states):
+            if state.step is None:
+                continue
+            T = inverted(self.T_odom[at - state.step.frames]) @ self.T_odom[at]
+            error = log_twist(state.step.T_to_from @ T)
+            nees.append(error @ state.step.information @ error / 6)
+        return nees
+
+    def pose_nees(self, at: int, state: OdometryState) -> float:
+        """As `step_nees`, of a pose."""
+        error = log_twist(state.T_odom_camera.inverse().matrix @ self.T_odom[at])
+        return float(error @ np.linalg.inv(state.covariance) @ error / 6)
