@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -57,8 +57,11 @@ from pseudolidar.running.products.product import Product
 from pseudolidar.running.products.recording import RecordingPlan
 from pseudolidar.running.products.told import Telling, ToldFrame
 from pseudolidar.running.products.told_recording import found_parts, told_parts
+from pseudolidar.running.reports.obstacles_page import write_obstacles_page
 from pseudolidar.running.reports.obstacles_report import ObstaclesReport
+from pseudolidar.running.reports.samples import sampled_frames
 from pseudolidar.running.run import Run
+from pseudolidar.running.settings_schema import described
 from pseudolidar.running.sighting import SMALL_THINGS_KEPT, SightFrame
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.other_rig import opened_with_rig
@@ -122,6 +125,8 @@ class Obstacles:
             corridor is nearer than this, m.
         near: write near/ID.png for each frame: white where something that is no ground is nearer
             than this, m.
+        objects: where there are labels, print each beside what was measured of it, however many
+            they are; a few are printed anyhow, and report.html has them.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         exclude: not these.
         rig: calibration that replaces the source's cameras: a rig.json, OpenCV YAML, XML or JSON,
@@ -156,6 +161,7 @@ class Obstacles:
     corridor: Corridor | None = None
     stop_at: Annotated[float | None, RUN_ONLY] = None
     near: float | None = None
+    objects: Annotated[bool, RUN_ONLY] = False
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
     rig: Path | None = None
@@ -194,9 +200,8 @@ class Obstacles:
     @property
     def folders(self) -> tuple[str, ...]:
         """Folders of files of frames."""
-        chosen = {NEAR_FOLDER: self.near, FILM_FOLDER: self.video}
-        own = (name for name, wanted in chosen.items() if wanted)
-        return (FOUND_FOLDER, *own, *self.to.folders)
+        near = () if self.near is None else (NEAR_FOLDER,)
+        return (FOUND_FOLDER, FILM_FOLDER, *near, *self.to.folders)
 
     @property
     def crew(self) -> CrewPlan:
@@ -217,6 +222,8 @@ def run(job: Obstacles) -> ObstaclesReport:
     recording = RecordingPlan.of(job, source, wanted=job.to.recording)
     products = (*recording.names, *job.products)
     check_apart(job.out, paths_read(job.source), (*job.folders, *products), overwrite=job.overwrite)
+    told: dict[str, ToldFrame] = {}
+    corridor = None
     with (
         Run.open(job.out, job, source, products=products, networks=networks_of(per_frame)) as run,
         recording.open(job.out, run.expected(per_frame, crew=job.crew)) as log,
@@ -228,6 +235,7 @@ def run(job: Obstacles) -> ObstaclesReport:
             searching=job.searching,
         )
         telling = Telling(job.out, source.ids, run.committed & settled, job.track)
+        told = telling.told  # so far, should the run be stopped
         outcomes = stream(source, per_frame, crew=job.crew, skip=settled, in_flight=run.in_flight)
         for frame in run.good(outcomes):
             told_frame = telling(frame.id, frame.value)  # in order: who is who
@@ -236,16 +244,18 @@ def run(job: Obstacles) -> ObstaclesReport:
             run.commit(frame)
             if is_too_near(job, frame.value.figures):
                 break
-        told = telling.finish()
+        telling.finish()
         write_tables(job, told)
         if job.video:
             seen = {name: frame.obstacles for name, frame in told.items()}
             write_obstacle_film(run, source, seen)
-        corridor = None
         if job.corridor is not None:
             corridor = write_corridor(job.out / CORRIDOR, run.records(), source)
-    files = (*(job.out / name for name in recording.files.values()), *written(job))
-    return ObstaclesReport(run.result(), job.out, files, corridor, job.stop_at)
+    result = run.result()
+    page = write_obstacles_page(job.out, result, told, rig=source.rig, settings=chosen(job))
+    files = (*(job.out / name for name in recording.files.values()), *written(job), page)
+    judged = tuple(one for frame in told.values() for one in frame.judged)
+    return ObstaclesReport(result, job.out, files, corridor, job.stop_at, judged, job.objects)
 
 
 @dataclass(frozen=True)
@@ -259,7 +269,8 @@ class ObstaclesFrame:
         near_m: things nearer than this get a mask; None for none.
         to: what else is written of a frame.
         content: what the recording holds, where there is to be one.
-        artist: makes pictures for the film, where there is to be one.
+        artist: makes pictures to draw obstacles into.
+        pictured: the frames that it makes them of; None for all, as a film needs.
     """
 
     sight: SightFrame
@@ -268,7 +279,8 @@ class ObstaclesFrame:
     near_m: float | None = None
     to: FoundOutputs = field(default_factory=FoundOutputs)
     content: McapContent = DEFAULT_CONTENT
-    artist: ObstacleArtist | None = None
+    artist: ObstacleArtist = field(default_factory=ObstacleArtist)
+    pictured: frozenset[str] | None = None
 
     @classmethod
     def of(cls, job: Obstacles, source: FrameSequence[Frame]) -> ObstaclesFrame:
@@ -284,8 +296,10 @@ class ObstaclesFrame:
         detector = asked(job.detector, job.also)
         detect = None if detector is None else detector.load()
         sight = SightFrame.of(match, job.ground)
-        artist = ObstacleArtist.of(source, sight, crew=job.crew) if job.video else None
-        return cls(sight, detect, job.corridor, job.near, job.to, job.mcap, artist)
+        plain = cls(sight, detect, job.corridor, job.near, job.to, job.mcap)
+        if not job.video:
+            return replace(plain, pictured=sampled_frames(source.ids))
+        return replace(plain, artist=ObstacleArtist.of(source, sight, crew=job.crew))
 
     def __call__(self, frame: Frame) -> Product:
         """Find, and encode what was found.
@@ -298,7 +312,7 @@ class ObstaclesFrame:
         if self.near_m is not None:
             mask = near_mask(found.seen.sight, self.near_m)
             files.append(OutputFile.of(f"{NEAR_FOLDER}/{frame.id}.png", encode_png(mask)))
-        if self.artist is not None:
+        if self.pictured is None or frame.id in self.pictured:
             files += self.artist.files(frame, found.seen)
         parts = found_parts(found, self.content) if self.to.recording else {}
         return Product(tuple(files), parts, figures(found))
@@ -342,6 +356,12 @@ def write_tables(job: Obstacles, told: Mapping[str, ToldFrame]) -> None:
         write_atomic(job.out / name, encode(obstacles))
     if job.tracking:
         write_tracking(job.out, told)
+
+
+def chosen(job: Obstacles) -> dict[str, str]:
+    """What was chosen, for the reader of the report."""
+    parts = {"detector": job.detector, "also": job.also, "matcher": job.matcher, "track": job.track}
+    return {name: described(part) for name, part in parts.items() if part is not None}
 
 
 def written(job: Obstacles) -> tuple[Path, ...]:

@@ -64,6 +64,28 @@ def test_every_obstacle_has_a_line_in_both_tables(found) -> None:
     assert report["figures"]["obstacles"]["mean"] == len(obstacles) / 2
 
 
+def test_each_labelled_object_is_told_beside_its_label(street, found, tmp_path, capsys) -> None:
+    """In --json and on the page, as `evaluate` has them; on the terminal where they are few."""
+    page = (found / "report.html").read_text()
+    assert page.count("data:image/jpeg") == len(FRAMES)
+    job = ("obstacles", street, str(found), "--detector", "labels")
+    labelled = told(capsys, *job)["labelled"]
+    judged = told(capsys, "evaluate", "obstacles", street)
+    assert labelled["objects"] == judged["objects"]
+    assert labelled["bands"] == judged["bands"]
+    one = labelled["objects"][0]
+    assert f"{one['label_m']:.2f}" in page
+    capsys.readouterr()
+    assert main([*job]) == 0
+    few = capsys.readouterr().out
+    assert main([*job, "--objects"]) == 0
+    every = capsys.readouterr().out
+    assert len(labelled["objects"]) > 20
+    assert "--objects prints each" in few
+    assert "usual script" not in few
+    assert f"{one['usual_m']:.2f}" in every
+
+
 def test_an_obstacle_comes_back_from_its_line(found) -> None:
     for one in lines(found):
         obstacle = obstacle_of(one, where="here")

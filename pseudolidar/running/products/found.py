@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pseudolidar.errors import LabelError
+from pseudolidar.evaluation.obstacles import JudgedObject, judged_objects
 from pseudolidar.formats.obstacle_json import obstacle_fields, obstacle_of
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.frames import MAP
@@ -68,12 +69,14 @@ class FoundFrame:
         T_map_camera: pose of the left camera, where it is known.
         camera: that the obstacles are seen by.
         obstacles: fields of each, as `obstacle_json` has them.
+        judged: the labels of the frame that count, each beside what was measured of it.
     """
 
     time_ns: int
     T_map_camera: Pose | None
     camera: Camera
     obstacles: list[dict[str, Any]]
+    judged: tuple[JudgedObject, ...] = ()
 
     def parsed(self, where: str) -> tuple[Obstacle, ...]:
         """The obstacles, without their pixels."""
@@ -96,8 +99,17 @@ def found_file(found: Found) -> OutputFile:
         "T_map_camera": None if T is None else T.matrix.tolist(),
         "camera": {"K": camera.K.tolist(), "size_px": [camera.width_px, camera.height_px]},
         "obstacles": fields,
+        "judged": [dict(vars(one)) for one in _judged(found)],
     }
     return OutputFile.of(found_name(found.frame.id), json.dumps(data).encode())
+
+
+def _judged(found: Found) -> tuple[JudgedObject, ...]:
+    """The labels that count, each beside what was measured of it; none where there are none."""
+    sight = found.seen.sight
+    if sight.labels is None:
+        return ()
+    return judged_objects(found.frame.id, sight.labels, found.obstacles, sight.camera, sight.depth)
 
 
 def read_found(folder: Path, frame_id: str) -> FoundFrame:
@@ -126,6 +138,7 @@ def parse_found(data: bytes, *, where: str) -> FoundFrame:
     pose, (width, height) = fields["T_map_camera"], fields["camera"]["size_px"]
     T = None if pose is None else Pose(MAP, LEFT_FRAME, np.array(pose, np.float64))
     camera = Camera(np.array(fields["camera"]["K"], np.float64), int(width), int(height))
-    found = FoundFrame(int(fields["time_ns"]), T, camera, list(fields["obstacles"]))
+    judged = tuple(JudgedObject(**one) for one in fields.get("judged", ()))
+    found = FoundFrame(int(fields["time_ns"]), T, camera, list(fields["obstacles"]), judged)
     found.parsed(where)
     return found

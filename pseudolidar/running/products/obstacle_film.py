@@ -74,10 +74,10 @@ class ObstacleArtist:
     """Makes pictures of frames to draw obstacles into: pure, picklable.
 
     Args:
-        scales: of all frames.
+        scales: of all frames; None where each has its own, as for single pictures.
     """
 
-    scales: Scales
+    scales: Scales | None = None
 
     @classmethod
     def of(cls, source: FrameSequence[Frame], sight: SightFrame, *, crew: CrewPlan) -> Self:
@@ -89,40 +89,49 @@ class ObstacleArtist:
             crew: how frames are done.
         """
         scales = PreviewArtist.of(Preview(), source, SightScales(sight), crew=crew).scales
-        return cls(replace(scales, ahead_m=min(scales.ahead_m, MOST_AHEAD_M)))
+        return cls(_capped(scales))
 
     def files(self, frame: Frame, seen: Seen) -> list[OutputFile]:
         """What a frame shows, and what is needed to draw into it."""
         photo = photo_of(frame)
         height, width = photo.shape[:2]
-        camera, ahead_m = seen.sight.camera, self.scales.ahead_m
+        upright = _upright(seen)
+        scales = self.scales or _capped(
+            Scales.of(Converted(frame, upright, seen.disparity, seen.sight.depth))
+        )
+        camera, ahead_m = seen.sight.camera, scales.ahead_m
         layout = Layout((width, height))
         view = birds_eye(
-            _upright(seen),
+            upright,
             side_px=layout.side_px,
             ahead_m=ahead_m,
             all_round=False,
             colour="photo",
-            heights_m=self.scales.heights_m,
+            heights_m=scales.heights_m,
         )
-        picture = composed(Panel(photo, "left"), self._maps(seen), Panel(view, "from above"))
+        picture = composed(Panel(photo, "left"), _maps(seen, scales), Panel(view, "from above"))
         facts = {"photo_px": [width, height], "K": camera.K.tolist(), "ahead_m": ahead_m}
         return [
             OutputFile.of(f"{FILM_FOLDER}/{frame.id}.jpg", encode_jpeg(picture, JPEG_QUALITY)),
             OutputFile.of(f"{FILM_FOLDER}/{frame.id}.json", json.dumps(facts).encode()),
         ]
 
-    def _maps(self, seen: Seen) -> tuple[Panel, ...]:
-        """Disparity of a pair, and depth; near is red and far is blue in both."""
-        blue_m = self.scales.ahead_m
-        red_m = blue_m / RED_SHARE
-        depth = turbo(-np.log(seen.sight.depth.values), -math.log(blue_m), -math.log(red_m))
-        maps = (Panel(depth, f"depth, red: {red_m:.2g} m, blue: {blue_m:g} m", exact=True),)
-        if seen.disparity is None:
-            return maps
-        red_px = self.scales.near
-        disparity = disparity_picture(seen.disparity.values, red_px)
-        return (Panel(disparity, f"disparity, red: {red_px:.0f} px", exact=True), *maps)
+
+def _capped(scales: Scales) -> Scales:
+    return replace(scales, ahead_m=min(scales.ahead_m, MOST_AHEAD_M))
+
+
+def _maps(seen: Seen, scales: Scales) -> tuple[Panel, ...]:
+    """Disparity of a pair, and depth; near is red and far is blue in both."""
+    blue_m = scales.ahead_m
+    red_m = blue_m / RED_SHARE
+    depth = turbo(-np.log(seen.sight.depth.values), -math.log(blue_m), -math.log(red_m))
+    maps = (Panel(depth, f"depth, red: {red_m:.2g} m, blue: {blue_m:g} m", exact=True),)
+    if seen.disparity is None:
+        return maps
+    red_px = scales.near
+    disparity = disparity_picture(seen.disparity.values, red_px)
+    return (Panel(disparity, f"disparity, red: {red_px:.0f} px", exact=True), *maps)
 
 
 def read_picture(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pseudolidar.evaluation.obstacles import JudgedObject
 from pseudolidar.formats.obstacle_json import obstacle_fields
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.formats.track_json import track_fields
@@ -33,11 +34,13 @@ class ToldFrame:
         time_ns: of the picture.
         fields: of each, for tables.
         obstacles: the same, without their pixels.
+        judged: the labels that count, each beside what was measured of it.
     """
 
     time_ns: int
     fields: list[dict[str, Any]]
     obstacles: tuple[Obstacle, ...]
+    judged: tuple[JudgedObject, ...] = ()
 
 
 class Telling:
@@ -97,7 +100,7 @@ class Telling:
             obstacle_fields(one, frame=name, time_s=frame.time_ns / NS_PER_S, number=number)
             for number, one in enumerate(unseen, start=1 + len(seen))
         ]
-        self.told[name] = ToldFrame(frame.time_ns, fields, (*seen, *unseen))
+        self.told[name] = ToldFrame(frame.time_ns, fields, (*seen, *unseen), frame.judged)
         return self.told[name]
 
     def _unseen(self, followed: Followed, camera: Camera) -> tuple[Obstacle, ...]:

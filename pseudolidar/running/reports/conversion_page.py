@@ -25,6 +25,7 @@ from pseudolidar.running.reports.removed import (
     removed_lines,
     removed_picture,
 )
+from pseudolidar.running.reports.run_sections import notes_section, skips_section
 from pseudolidar.running.reports.samples import FrameSample, read_samples
 from pseudolidar.running.results import RunResult
 from pseudolidar.structures.camera import StereoRig
@@ -36,7 +37,6 @@ REPORT_NAME = "report.html"
 # The colour scale of disparity ends where all but this share of the sampled pixels lie below.
 DISPARITY_QUANTILE = 0.995
 TOP_SCALE = 3
-SKIPS_SHOWN = 50
 _TOP_TEXT = (
     "Points from above, as far ahead as said below each, half of that to each side, the sensor at "
     "the middle of the lower edge."
@@ -64,8 +64,8 @@ def write_conversion_page(
     sections = [
         Section("Overview", table=_overview(result, rig, settings)),
         *_preview(folder),
-        *_notes(result),
-        *_skips(result),
+        *notes_section(result),
+        *skips_section(result),
         *_plots(result),
         *_contact_sheet(samples),
     ]
@@ -121,31 +121,6 @@ def _preview(folder: Path) -> list[Section]:
         return []
     text = "Pictures and the cloud from above, at the pace of the recording."
     return [Section("Preview", text, video=PREVIEW_NAME)]
-
-
-def _notes(result: RunResult) -> list[Section]:
-    lines = [("warning", text) for text in result.warnings]
-    lines += [("note", note) for note in result.source.notes]
-    lines += [("absent", name) for name in result.source.absent]
-    odd: dict[str, int] = {}
-    for record in result.committed:
-        for note in record.figures.get("notes", ()):
-            odd[note] = odd.get(note, 0) + 1
-    lines += [(f"{count} frame(s)", note) for note, count in odd.items()]
-    return [Section("About the source", table=lines)] if lines else []
-
-
-def _skips(result: RunResult) -> list[Section]:
-    if not result.skipped:
-        return []
-    rows = [
-        (record.id, skip["code"], skip["got"], skip.get("fix", ""))
-        for record in result.skipped[:SKIPS_SHOWN]
-        if (skip := record.skipped) is not None
-    ]
-    more = len(result.skipped) - len(rows)
-    text = "These frames have no output." + (f" {more} more are in report.json." if more else "")
-    return [Section("Skipped frames", text, rows)]
 
 
 def _plots(result: RunResult) -> list[Section]:

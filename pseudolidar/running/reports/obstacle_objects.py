@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
-from pseudolidar.evaluation.obstacles import JudgedObject
-from pseudolidar.evaluation.page import Picture, PictureRow, Section
-from pseudolidar.evaluation.preview_picture import Panel, resized
-from pseudolidar.formats.obstacle_words import distance_text, name_text, speed_text
-from pseudolidar.running.products.obstacle_film import read_picture
+from pseudolidar.evaluation.obstacles import JudgedObject, by_band, usual_by_band
+from pseudolidar.evaluation.page import Section
+from pseudolidar.running.reports.numbers import percent
 from pseudolidar.running.table import table_text
-from pseudolidar.structures.arrays import UInt8
-from pseudolidar.structures.obstacle import Obstacle
 
 OBJECT_HEADER = (
     "frame", "object", "label z", "nearest face", "ours", "+-", "off", "usual script", "off z",
 )  # fmt: skip
+BAND_HEADER = (
+    "range", "objects", "median", "90 %", "bias", "within sigma", "missed",
+    "usual script: median", "90 %", "without a depth",
+)  # fmt: skip
 NONE = "-"
-# The pictures of a page are so wide, px, and there are at most so many, two a row.
-PICTURE_PX, MOST_PICTURES = 900, 6
-# Rows of a page: the nearest of each frame first.
+# Rows of a page.
 MOST_ROWS = 200
 
 
@@ -51,65 +48,46 @@ def objects_text(objects: Sequence[JudgedObject]) -> str:
     return table_text(object_rows(objects), header=OBJECT_HEADER)
 
 
-def objects_section(objects: Sequence[JudgedObject]) -> Section:
-    """The rows as a part of a page."""
-    return Section(
-        "Each labelled object",
-        "Distances in m. Ours is that of the nearest face in view; the usual script reads the "
-        "depth at the middle of the box and is compared with the z of the label.",
-        table=object_rows(objects),
-        header=OBJECT_HEADER,
-    )
-
-
-def obstacles_section(
-    folder: Path, obstacles: Mapping[str, Sequence[Obstacle]], times_s: Mapping[str, float]
-) -> Section:
-    """What was found, the nearest of each frame first, with pictures of a few frames.
-
-    Args:
-        folder: output folder of a run that has made pictures for the film.
-        obstacles: of its frames, in order.
-        times_s: of the frames.
-    """
-    rows = [
-        (frame, name_text(one), distance_text(one), _size(one), speed_text(one) or NONE)
-        for frame, found in obstacles.items()
-        for one in found
+def objects_sections(objects: Sequence[JudgedObject]) -> list[Section]:
+    """Errors by range and the rows as parts of a page; none where nothing is labelled."""
+    if not objects:
+        return []
+    left_out = len(objects) - MOST_ROWS
+    more = f" {left_out} more are in --json." if left_out > 0 else ""
+    return [
+        Section(
+            "Against the labels",
+            "Absolute errors in m by range: of the nearest face in view, and of the usual script, "
+            "which reads the depth at the middle of the box, against the label's z.",
+            table=_band_rows(objects),
+            header=BAND_HEADER,
+        ),
+        Section(
+            "Each labelled object",
+            "Distances in m. Ours is that of the nearest face in view; the usual script reads the "
+            f"depth at the middle of the box and is compared with the z of the label.{more}",
+            table=object_rows(objects[:MOST_ROWS]),
+            header=OBJECT_HEADER,
+        ),
     ]
-    left_out = len(rows) - MOST_ROWS
-    pictures = [
-        Picture.photo(_small(read_picture(folder, frame, found, time_s=times_s[frame])), frame)
-        for frame, found in _spread(list(obstacles.items()))
+
+
+def _band_rows(objects: Sequence[JudgedObject]) -> list[tuple[str, ...]]:
+    return [
+        (
+            f"{ours.from_m} to {ours.to_m} m",
+            f"{ours.n}",
+            _metres(ours.median_abs_m),
+            _metres(ours.p90_abs_m),
+            NONE if ours.bias_m is None else f"{ours.bias_m:+.2f}",
+            percent(ours.within_1_sigma, digits=0),
+            f"{ours.missed}",
+            _metres(usual.median_abs_m),
+            _metres(usual.p90_abs_m),
+            f"{usual.missed}",
+        )
+        for ours, usual in zip(by_band(objects), usual_by_band(objects), strict=True)
     ]
-    return Section(
-        "What was found",
-        f"and {left_out} more, in obstacles.csv" if left_out > 0 else "",
-        table=rows[:MOST_ROWS],
-        header=("frame", "obstacle", "distance", "length x width x height", "speed"),
-        cells="words",
-        pictures=[PictureRow(tuple(pictures[i : i + 2])) for i in range(0, len(pictures), 2)],
-    )
-
-
-def _spread(
-    frames: Sequence[tuple[str, Sequence[Obstacle]]],
-) -> list[tuple[str, Sequence[Obstacle]]]:
-    """A few of the frames in which something was found, evenly over the sequence."""
-    with_some = [one for one in frames if one[1]] or list(frames)
-    count = min(len(with_some), MOST_PICTURES)
-    return [with_some[i * len(with_some) // count] for i in range(count)]
-
-
-def _small(pixels: UInt8) -> UInt8:
-    height, width = pixels.shape[:2]
-    wide = min(width, PICTURE_PX)
-    return resized(Panel(pixels, ""), (wide, round(height * wide / width)))
-
-
-def _size(obstacle: Obstacle) -> str:
-    box = obstacle.box
-    return f"{box.length_m:.1f} x {box.width_m:.1f} x {box.height_m:.1f} m"
 
 
 def _metres(value: float | None) -> str:

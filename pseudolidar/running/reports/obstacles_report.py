@@ -6,11 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pseudolidar.evaluation.obstacles import JudgedObject, by_band, usual_by_band
 from pseudolidar.running.products.corridor_table import Watched
+from pseudolidar.running.reports.numbers import counted
+from pseudolidar.running.reports.obstacle_objects import objects_text
 from pseudolidar.running.results import RunResult
 
 # Exit code where something in the corridor is nearer than --stop-at: a robot must stop.
 TOO_NEAR = 10
+# So many labelled objects or fewer are printed without being asked for.
+FEW_OBJECTS = 20
 
 
 @dataclass(frozen=True)
@@ -23,6 +28,8 @@ class ObstaclesReport:
         tables: files with all obstacles.
         corridor: the nearest thing of each frame; None where no corridor was watched.
         stop_at_m: what may not be nearer than this.
+        objects: each label that counts beside what was measured of it, where there are labels.
+        show_objects: print them, however many they are.
     """
 
     result: RunResult
@@ -30,6 +37,8 @@ class ObstaclesReport:
     tables: tuple[Path, ...]
     corridor: tuple[Watched, ...] | None = None
     stop_at_m: float | None = None
+    objects: tuple[JudgedObject, ...] = ()
+    show_objects: bool = False
 
     @property
     def too_near(self) -> Watched | None:
@@ -60,7 +69,17 @@ class ObstaclesReport:
         """Counts, figures, times and where the results are."""
         where = {"out": str(self.out), "tables": [str(path) for path in self.tables]}
         corridor = {} if self.corridor is None else {"corridor": self._corridor()}
-        return {**self.result.as_dict(), **where, **corridor, "exit_code": self.exit_code}
+        labelled = {"labelled": self._labelled()} if self.objects else {}
+        told = {**self.result.as_dict(), **where, **corridor, **labelled}
+        return {**told, "exit_code": self.exit_code}
+
+    def _labelled(self) -> dict[str, Any]:
+        """Errors by range, and each object."""
+        return {
+            "bands": [band.as_dict() for band in by_band(self.objects)],
+            "usual_script": [band.as_dict() for band in usual_by_band(self.objects)],
+            "objects": [dict(vars(one)) for one in self.objects],
+        }
 
     def _corridor(self) -> dict[str, Any]:
         told: dict[str, Any] = {"stop_at_m": self.stop_at_m}
@@ -83,9 +102,19 @@ class ObstaclesReport:
             lines.append(f"  {count['mean']:.1f} obstacles a frame, at most {count['max']:.0f}")
         if "nearest_m" in figures:
             lines.append(f"  the nearest at {figures['nearest_m']['min']:.2f} m")
-        lines += self._corridor_lines()
+        lines += [*self._corridor_lines(), *self._object_lines()]
         tables = (path for path in self.tables if path.exists())
         return "\n".join([*lines, *(f"  {path}" for path in tables)])
+
+    def _object_lines(self) -> list[str]:
+        """The labels beside what was measured: a table where it is short or asked for."""
+        if not self.objects:
+            return []
+        measured = sum(one.measured_m is not None for one in self.objects)
+        line = f"  {measured} of {counted(len(self.objects), 'labelled object')} measured"
+        if self.show_objects or len(self.objects) <= FEW_OBJECTS:
+            return [line, objects_text(self.objects)]
+        return [f"{line}; --objects prints each"]
 
     def _corridor_lines(self) -> list[str]:
         if self.corridor is None:
