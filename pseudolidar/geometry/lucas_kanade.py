@@ -14,7 +14,14 @@ BORDER_PX = 3
 
 
 def follow(
-    source: UInt8, target: UInt8, uv: Float32, guess: Float32, *, window_px: int, levels: int = 0
+    source: UInt8,
+    target: UInt8,
+    uv: Float32,
+    guess: Float32,
+    *,
+    window_px: int,
+    levels: int = 0,
+    iterations: int = ITERATIONS,
 ) -> tuple[Float32, Bool]:
     """Where points of one picture are in another, by pyramidal Lucas-Kanade.
 
@@ -25,6 +32,7 @@ def follow(
         guess: (N, 2) px in `target`, where the search starts.
         window_px: side of the window that is compared.
         levels: halvings of the picture, for guesses far off.
+        iterations: on each of them at most.
 
     Returns:
         (N, 2) px in `target`, and (N,) which were found inside it.
@@ -35,7 +43,7 @@ def follow(
 
     if not len(uv):
         return uv.copy(), np.zeros(0, np.bool_)
-    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, ITERATIONS, CONVERGED_PX)
+    criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, iterations, CONVERGED_PX)
     found, status, _ = cv2.calcOpticalFlowPyrLK(
         source,
         target,
@@ -63,10 +71,21 @@ def follow_both_ways(
     window_px: int,
     levels: int = 0,
     within_px: float,
+    iterations: int = ITERATIONS,
 ) -> tuple[Float32, Bool]:
     """As `follow`; only points that come back to `within_px` of where they started."""
-    there, found = follow(source, target, uv, guess, window_px=window_px, levels=levels)
-    back, returned = follow(
-        target, source, there, there - (guess - uv), window_px=window_px, levels=levels
+    there, found = follow(
+        source, target, uv, guess, window_px=window_px, levels=levels, iterations=iterations
     )
-    return there, found & returned & (np.linalg.norm(back - uv, axis=1) < within_px)
+    start = uv[found]
+    back, returned = follow(
+        target,
+        source,
+        there[found],
+        there[found] - (guess[found] - start),
+        window_px=window_px,
+        levels=levels,
+        iterations=iterations,
+    )
+    found[found] = returned & (np.linalg.norm(back - start, axis=1) < within_px)
+    return there, found

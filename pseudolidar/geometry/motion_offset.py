@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pseudolidar.geometry.pnp import CAUCHY_ITERATIONS, RelativePose, linearised
+from pseudolidar.geometry.pnp import CAUCHY_ITERATIONS, RelativePose, normal_equations
 from pseudolidar.geometry.twists import exp_twist
 from pseudolidar.structures.arrays import Bool, Float64
 from pseudolidar.structures.camera import StereoRig
@@ -166,17 +166,12 @@ def eliminated(
     tracks = motion.tracks
     shape = [shape_of(uv[:, 0], rig, len(shape_px)) for uv in (tracks.uv_from, tracks.uv_to)]
     offset_px = np.stack([np.sum(each * shape_px, axis=1) for each in shape])
-    at = linearised(motion.T_to_from, tracks, rig, offset_px=offset_px)
-    by_shape = -at.by_seed[:, :, None] * shape[0][:, None, :]
-    by_shape[:, 2, :] += shape[1]
-    columns = np.concatenate([at.by_pose, by_shape], axis=2)
-    weights = at.weights(forgetting=forgetting)
-    weighted = at.whitened(columns) * weights[:, None, None]
-    H = np.einsum("nij,nik->jk", columns, weighted)
-    b = np.einsum("nij,ni->j", weighted, at.error)
-    solved = np.linalg.solve(H[:6, :6], np.column_stack([b[:6], H[:6, 6:]]))
+    at = normal_equations(motion.T_to_from, tracks, rig, offset_px=offset_px, forgetting=forgetting)
+    size = 6 + len(shape_px)
+    H, b = at.H[:size, :size], at.b[:size]
+    solved = np.asarray(np.linalg.solve(H[:6, :6], np.column_stack([b[:6], H[:6, 6:]])))
     return Eliminated(
-        motion=replace(motion, information=H[:6, :6], weights=weights),
+        motion=replace(motion, information=H[:6, :6], weights=at.weights),
         information=H[6:, 6:] - H[6:, :6] @ solved[:, 1:],
         pull=b[6:] - H[6:, :6] @ solved[:, 0],
         step=solved[:, 0],

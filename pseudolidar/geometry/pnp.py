@@ -101,6 +101,51 @@ def _seen(points: Float64, rig: StereoRig) -> tuple[Float64, Float64]:
 
 
 @dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """`H x = b` of a twist on the left of `T_to_from`, and of the disparities' offset and bend.
+
+    Args:
+        H: (8, 8); the twist first, then `1 + x^2` and `x^2` in the tangent of the angle to the
+            optical axis, px.
+        b: (8,).
+        weights: (N,) 0-1 of the tracks.
+    """
+
+    H: Float64
+    b: Float64
+    weights: Float64
+
+
+def normal_equations(
+    T_to_from: Float64,
+    tracks: PointTracks,
+    rig: StereoRig,
+    *,
+    offset_px: Float64 | float = 0.0,
+    forgetting: bool,
+) -> NormalEquations:
+    """Of the residuals of `linearised`, with the same arguments, weighted as its `weights`."""
+    from pseudolidar.geometry.motion_kernels import UNKNOWNS
+    from pseudolidar.geometry.motion_kernels import normal_equations as summed
+
+    n, K = len(tracks), rig.left.K
+    numbers = (K[0, 0], K[1, 1], K[0, 2], K[1, 2], rig.fB_px_m, rig.doffs_px)
+    H, b, weights = np.empty((UNKNOWNS, UNKNOWNS)), np.empty(UNKNOWNS), np.empty(n)
+    columns = (*tracks.uv_from.T, tracks.d_from, *tracks.uv_to.T, tracks.d_to)
+    summed(
+        np.ascontiguousarray(T_to_from),
+        np.stack(columns),
+        np.ascontiguousarray(np.broadcast_to(offset_px, (2, n)), np.float64),
+        np.array([*numbers, LEAST_PX, NEAREST_M]),
+        np.array([TRACK_SIGMA_PX, KERNEL_SIGMA, 2.0 if forgetting else 1.0]),
+        H,
+        b,
+        weights,
+    )
+    return NormalEquations(H, b, weights)
+
+
+@dataclass(frozen=True, eq=False)
 class RelativePose:
     """How the left camera moved between two pairs.
 
@@ -168,13 +213,13 @@ def refined_pose(
         return None
     T = T_to_from
     for iteration in range(MAX_ITERATIONS):
-        at = linearised(T, tracks, rig, offset_px=offset_px)
-        weights = at.weights(forgetting=iteration >= CAUCHY_ITERATIONS)
-        weighted = at.whitened(at.by_pose) * weights[:, None, None]
-        H = np.einsum("nij,nik->jk", at.by_pose, weighted)
+        at = normal_equations(
+            T, tracks, rig, offset_px=offset_px, forgetting=iteration >= CAUCHY_ITERATIONS
+        )
+        H, weights = at.H[:6, :6], at.weights
         if weights.sum() < MIN_POINTS or np.linalg.cond(H) > 1 / np.finfo(float).eps:
             return None
-        step = np.linalg.solve(H, np.einsum("nij,ni->j", weighted, at.error))
+        step = np.asarray(np.linalg.solve(H, at.b[:6]))
         T = exp_twist(step) @ T
         if np.linalg.norm(step) < CONVERGED and iteration >= CAUCHY_ITERATIONS:
             break

@@ -29,8 +29,9 @@ LEVELS_FIRST, LEVELS_WARPED = 3, 1
 RETURNS_FIRST_PX, RETURNS_WARPED_PX = 0.5, 0.3
 # The other eye sees a point within so many rows, and so near to the disparity that was matched, px.
 MAX_ROWS_PX, MAX_FROM_MATCHED_PX = 2.0, 1.5
-# In a warped picture all points have almost come to rest, px.
-MAX_WARPED_SHIFT_PX = 4.0
+# In a warped picture all points have almost come to rest, px: those that can be followed at all are
+# found in a few iterations.
+MAX_WARPED_SHIFT_PX, ITERATIONS_WARPED = 4.0, 10
 # Smaller disparities (plus doffs) are as good as infinite, px; they start no track.
 LEAST_PX = 0.7
 # A prediction farther off than this is none, px.
@@ -184,17 +185,21 @@ def track_warped(
         window_px=WINDOW_OVER_TIME_PX,
         levels=LEVELS_WARPED,
         within_px=RETURNS_WARPED_PX,
+        iterations=ITERATIONS_WARPED,
     )
     found &= np.linalg.norm(at - uv, axis=1) < MAX_WARPED_SHIFT_PX
-    in_right, seen = follow(left, right, at, at, window_px=WINDOW_OVER_TIME_PX)
+    uv, d, at = uv[found], d[found], at[found]
+    in_right, seen = follow(
+        left, right, at, at, window_px=WINDOW_OVER_TIME_PX, iterations=ITERATIONS_WARPED
+    )
     apart = np.abs(in_right - at)
-    found &= seen & (apart[:, 1] < MAX_ROWS_PX) & (apart[:, 0] < MAX_FROM_MATCHED_PX)
+    seen &= (apart[:, 1] < MAX_ROWS_PX) & (apart[:, 0] < MAX_FROM_MATCHED_PX)
     there = warp.at(at)
     d_there = there[:, 0] - warp.at(in_right)[:, 2]
     height, width = first.left.shape
-    found &= np.all((there[:, :2] > 0) & (there[:, :2] < (width - 1, height - 1)), axis=1)
-    found &= d_there + rig.doffs_px > 0
-    return _tracks(uv, d, there[:, :2], d_there, found)
+    seen &= np.all((there[:, :2] > 0) & (there[:, :2] < (width - 1, height - 1)), axis=1)
+    seen &= d_there + rig.doffs_px > 0
+    return _tracks(uv, d, there[:, :2], d_there, seen)
 
 
 def relative_pose(

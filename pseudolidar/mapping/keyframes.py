@@ -10,7 +10,7 @@ from pseudolidar.geometry.twists import inverted
 from pseudolidar.mapping.disparity_offset import Offset
 from pseudolidar.mapping.keyframe import Keyframe
 from pseudolidar.mapping.path import Doubt, Hung, Path
-from pseudolidar.mapping.registration import covariance, inliers, registered
+from pseudolidar.mapping.registration import covariance, inliers, precisely
 from pseudolidar.mapping.window import Edge, agreed
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import StereoRig
@@ -100,7 +100,7 @@ class Keyframes:
         first, second = self._nodes[-1 - ACROSS], self._nodes[-1]
         guess = inverted(second.T_odom_camera) @ first.T_odom_camera
         sight = second.keyframe.sight
-        motion = registered(first.keyframe, sight, self._rig, guess, correction)
+        motion = precisely(first.keyframe, sight, self._rig, guess, correction)
         if motion is None or inliers(motion) < self._least_inliers:
             return None
         last = self._start + len(self._nodes) - 1

@@ -6,7 +6,12 @@ import numpy as np
 
 from pseudolidar.geometry.lucas_kanade import follow
 from pseudolidar.geometry.pnp import KERNEL_SIGMA, RelativePose, first_pose, refined_pose
-from pseudolidar.geometry.tracking import WINDOW_OVER_TIME_PX, relative_pose, track_warped
+from pseudolidar.geometry.tracking import (
+    ITERATIONS_WARPED,
+    WINDOW_OVER_TIME_PX,
+    relative_pose,
+    track_warped,
+)
 from pseudolidar.geometry.warping import Warp
 from pseudolidar.mapping.keyframe import Keyframe, Sight
 from pseudolidar.structures.arrays import Float64
@@ -50,11 +55,22 @@ def registered(
         if found is None:
             return None
         rough = found.T_to_from
+    return precisely(key, sight, rig, rough, correction)
+
+
+def precisely(
+    key: Keyframe,
+    sight: Sight,
+    rig: StereoRig,
+    T_to_from: Float64,
+    correction: DisparityCorrection | None,
+) -> RelativePose | None:
+    """As `registered`, where the motion is known to a few pixels."""
     tracks = track_warped(
-        key.sight.pair, sight.pair, rig, rough, seeds=key.seeds, correction=correction
+        key.sight.pair, sight.pair, rig, T_to_from, seeds=key.seeds, correction=correction
     )
     tracks = tracks[sight.still(tracks.uv_to)]
-    return refined_pose(rough, tracks, rig, offset_px=offsets_px(tracks, rig, correction))
+    return refined_pose(T_to_from, tracks, rig, offset_px=offsets_px(tracks, rig, correction))
 
 
 def inliers(motion: RelativePose) -> int:
@@ -105,6 +121,7 @@ def _rough(
         some.uv,
         window_px=WINDOW_OVER_TIME_PX,
         levels=ROUGH_LEVELS,
+        iterations=ITERATIONS_WARPED,
     )
     there = warp.at(at)[:, :2]
     uv = some.uv.astype(np.float64)

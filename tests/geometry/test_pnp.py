@@ -1,7 +1,13 @@
 import numpy as np
 import pytest
 
-from pseudolidar.geometry.pnp import MIN_POINTS, first_pose, linearised, refined_pose
+from pseudolidar.geometry.pnp import (
+    MIN_POINTS,
+    first_pose,
+    linearised,
+    normal_equations,
+    refined_pose,
+)
 from pseudolidar.geometry.twists import exp_twist
 from tests.moving_rig import STEP, rig, tracks
 
@@ -78,3 +84,25 @@ def test_chi2_is_by_the_covariance_of_track_and_seed():
     S = 0.25**2 * (np.eye(3) + at.by_seed[:, :, None] * at.by_seed[:, None, :])
     by_inverse = np.einsum("ni,nij,nj->n", at.error, np.linalg.inv(S), at.error)
     assert np.allclose(at.chi2, by_inverse)
+
+
+@pytest.mark.parametrize("forgetting", [True, False])
+def test_the_normal_equations_are_those_of_the_residuals(forgetting):
+    of, T = rig(doffs_px=31.0, fy_px=710.0), exp_twist(STEP)
+    seen = tracks(of, T, noise_px=0.4, outliers=0.2, offset_px=0.3)
+    T = exp_twist(np.full(6, 0.01)) @ T
+    offset_px = np.random.default_rng(1).normal(0, 0.3, (2, len(seen)))
+    at = linearised(T, seen, of, offset_px=offset_px)
+    weights = at.weights(forgetting=forgetting)
+    by_shape = []
+    for x in ((uv[:, 0] - of.left.K[0, 2]) / of.left.K[0, 0] for uv in (seen.uv_from, seen.uv_to)):
+        by_shape.append(np.stack([1 + x**2, x**2], axis=1))
+    columns = np.concatenate(
+        [at.by_pose, -at.by_seed[:, :, None] * by_shape[0][:, None, :]], axis=2
+    )
+    columns[:, 2, 6:] += by_shape[1]
+    weighted = at.whitened(columns) * weights[:, None, None]
+    sums = normal_equations(T, seen, of, offset_px=offset_px, forgetting=forgetting)
+    assert np.allclose(sums.weights, weights, rtol=1e-9)
+    assert np.allclose(sums.H, np.einsum("nij,nik->jk", columns, weighted), rtol=1e-9)
+    assert np.allclose(sums.b, np.einsum("nij,ni->j", weighted, at.error), rtol=1e-8, atol=1e-6)

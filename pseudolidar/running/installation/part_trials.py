@@ -22,6 +22,7 @@ from pseudolidar.structures.arrays import UInt8
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.point_tracks import PointTracks
 from pseudolidar.structures.pose import Pose
 
 _HEIGHT, _WIDTH = 96, 192
@@ -96,6 +97,7 @@ def filters() -> str:
     _check(not cleaned.reason[:, _SHIFT_PX:].any(), "a flat wall, cleaned")
     there = Warp.by(values, frame.rig, np.eye(4)).maps[0]
     _check(np.allclose(there, np.arange(_WIDTH), atol=0.01), "a flat wall, seen from where it was")
+    _check(_still_pose(frame.rig) < 1e-3, "the motion of a camera that stands still")
     shown = np.ones((_HEIGHT, _WIDTH), bool)
     shown[:, _WIDTH // 2 :] = False
     half = unmasked(wall, PairMask(shown, np.ones_like(shown)))
@@ -230,6 +232,16 @@ class _Still:
 
     def load(self, index: int) -> StereoFrame:
         return replace(trial_frame(), index=index, pose=Pose.identity("map", "base_link"))
+
+
+def _still_pose(rig: StereoRig) -> float:
+    """By how many metres points that stay where they are move the camera."""
+    from pseudolidar.geometry.pnp import refined_pose
+
+    uv = np.random.default_rng(_SEED).uniform((0, 0), (_WIDTH, _HEIGHT), (100, 2))
+    d = np.linspace(2.0, 20.0, len(uv))
+    found = refined_pose(np.eye(4), PointTracks(uv, d, uv, d), rig)
+    return float("inf") if found is None else found.distance_m
 
 
 def _texture() -> UInt8:
