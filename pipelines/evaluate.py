@@ -18,7 +18,12 @@ from pseudolidar.evaluation.disparity_report import DisparityReport
 from pseudolidar.evaluation.halves import FrameSamples, judge_halves, residuals
 from pseudolidar.evaluation.map_files import is_maps, paired_maps, read_map
 from pseudolidar.evaluation.obstacles_report import ObstaclesReport
+from pseudolidar.evaluation.trajectory.judge import Alignment
+from pseudolidar.evaluation.trajectory.pairing import TimePairing
+from pseudolidar.evaluation.trajectory.segments import SegmentLengths
+from pseudolidar.evaluation.trajectory.steps import DEFAULT_STEPS, RpeChoice
 from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.formats.trajectory_file import POSE_SUFFIXES, trajectory_form
 from pseudolidar.obstacles.detectors import AnyDetector
 from pseudolidar.obstacles.labels import Labels
 from pseudolidar.running.bad_frames import OnError, good_frames
@@ -29,22 +34,27 @@ from pseudolidar.running.comparing.other import other_scans
 from pseudolidar.running.comparing.references import SCAN, WORDS, OwnReference
 from pseudolidar.running.crew.attempt import AnyFrame, Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
-from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, Recognised
+from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.matching import MatchFrame, Refining, steps_in_words
 from pseudolidar.running.nearness import Searching
+from pseudolidar.running.new_file import check_new_file
 from pseudolidar.running.obstacle_judging import judge_obstacles
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.reports.clouds_report import CloudsReport
+from pseudolidar.running.reports.trajectory_page import write_trajectory_page
+from pseudolidar.running.reports.trajectory_report import TrajectoryReport
 from pseudolidar.running.settings_schema import choice_name, described
 from pseudolidar.running.sighting import SMALL_THINGS_KEPT, SightFrame
 from pseudolidar.running.stream import stream
+from pseudolidar.running.trajectory_judging import BodyChoice, Poses, TrajectoryJudging
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.rectified import Rectify
 from pseudolidar.sources.scans_put_right import Scans
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, clouds_of, nearest_depth_m, pairs_of
+from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.balance import BalanceWhen, balanced
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.clean import Clean
@@ -79,22 +89,26 @@ class Maps:
     path: Path
 
 
-def recognise_judged(text: str) -> Source | Maps:
-    """What SOURCE is: pairs, clouds, or disparity maps to compare with `--reference`."""
+def recognise_judged(text: str) -> Source | Maps | Poses:
+    """What SOURCE is: pairs, clouds, disparity maps or poses to compare with `--reference`."""
     path = Path(text)
     if path.is_file() and is_maps(path):
         return Maps(path)
+    if path.is_file() and trajectory_form(path) is not None:
+        return Poses(path)
     try:
         return recognise(text)
     except SourceUnknown:
         if is_maps(path):
             return Maps(path)
+        if path.is_file() and path.suffix.lower() in POSE_SUFFIXES:
+            return Poses(path)  # whose reader says by line what is wrong with them
         raise
 
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Judge disparities by ground truth, clouds by a LiDAR or other clouds, obstacles by labels.
+    """Judge disparities by ground truth, clouds by a LiDAR, obstacles by labels, trajectories.
 
     Of disparities D1, density and mean error are those as they come, on the stock rig. Correction
     and sigma are fitted on even frames and judged on odd ones, and the other way round.
@@ -107,16 +121,20 @@ class Evaluate:
     Of obstacles: how far their nearest face is off, by range, how many of these errors lie within
     one sigma, their sizes, and how many of the labelled objects are found.
 
+    Of a trajectory, a file of poses (TUM, KITTI, EuRoC): how far its poses are off (absolute), its
+    motions (relative), and how it drifts over segments of the path, as evo and KITTI define it.
+
         pseudolidar evaluate disparity training --matcher census --json
         pseudolidar evaluate disparity EST --reference GT
         pseudolidar evaluate cloud 2011_09_26_drive_0002_sync
         pseudolidar evaluate cloud out/ply --reference drive.mcap --bins 0,20,40 --json
         pseudolidar evaluate obstacles training --rig rig.json --detector labels
+        pseudolidar evaluate trajectory est.txt --reference truth.txt --align se3 --report est.html
 
     Args:
         what: what is judged.
         source: data with ground-truth disparity, or disparity maps: files or folders; to judge
-            clouds, pairs with LiDAR scans, or clouds: files, folders, recordings.
+            clouds, pairs with LiDAR scans, or clouds: files, folders, recordings; a file of poses.
         matcher: how disparities are found.
         balance: give the right picture the brightness, colours, gamma and vignetting of the left
             one before matching: `auto` for matchers that compare brightness (all but census) where
@@ -130,7 +148,22 @@ class Evaluate:
         detector: what says where objects are.
         also: a second one, such as `cloud`; what both see is one obstacle.
         reference: the truth for disparity maps, a file or a folder with the same names; the clouds
-            to compare clouds with, where the source's own scans are not meant.
+            to compare clouds with, where the source's own scans are not meant; the true poses, a
+            file or a source that has them.
+        align: how a trajectory is laid onto its reference first: a rigid motion (se3), with a scale
+            (sim3), first pose on first pose (origin), or not at all.
+        pair: how poses of both files are paired.
+        rpe: motions that relative errors are of, a comma list: over 1 frame, over 10m of path end
+            to end, over 10m:all from every pose.
+        segments: path lengths that drift is measured over: auto (100-800 m where the path is that
+            long, else 10-40 m, else all of it), kitti, short, whole, or metres such as 10,20.
+        times: of the poses, where their file has none; by default NAME_times.txt or times.txt
+            beside a KITTI file.
+        reference_times: of the reference's poses.
+        body: whose poses a reference has that is a source: base_link, or camera_left as in KITTI's
+            pose files, which is the default for such a file.
+        report: a page (HTML) to write about a trajectory.
+        overwrite: replace such a page.
         bins: edges of the ranges that clouds are judged by, whole metres.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         exclude: not these.
@@ -151,8 +184,8 @@ class Evaluate:
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
     """
 
-    what: Annotated[Literal["disparity", "cloud", "obstacles"], POSITIONAL]
-    source: Annotated[Source | Maps, Recognised(recognise_judged)]
+    what: Annotated[Literal["disparity", "cloud", "obstacles", "trajectory"], POSITIONAL]
+    source: Annotated[Source | Maps | Poses, Recognised(recognise_judged)]
     matcher: Census | Sgbm | Bm | Onnx = Census()
     balance: BalanceWhen = "auto"
     temporal: Kalman | None = None
@@ -163,6 +196,15 @@ class Evaluate:
     detector: AnyDetector = field(default_factory=Labels)
     also: AnyDetector | None = None
     reference: Path | None = None
+    align: Alignment = "se3"
+    pair: TimePairing = field(default_factory=TimePairing)
+    rpe: RpeChoice = DEFAULT_STEPS
+    segments: SegmentLengths = field(default_factory=SegmentLengths)
+    times: Path | None = None
+    reference_times: Path | None = None
+    body: BodyChoice = "auto"
+    report: Annotated[Path | None, RUN_ONLY] = None
+    overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
     bins: DepthBins = DEFAULT_BINS
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
@@ -219,8 +261,10 @@ class JudgeFrame:
         return JudgedFrame(errors, FrameSamples(samples, frame.rig), seconds)
 
 
-def run(job: Evaluate) -> DisparityReport | CloudsReport | ObstaclesReport:
+def run(job: Evaluate) -> DisparityReport | CloudsReport | ObstaclesReport | TrajectoryReport:
     """Judge what is asked for."""
+    if job.what == "trajectory":
+        return judge_poses(job)
     if job.what == "obstacles":
         return judge_labelled(job)
     if job.what == "cloud":
@@ -317,6 +361,29 @@ def judge_labelled(job: Evaluate) -> ObstaclesReport:
     )
 
 
+def judge_poses(job: Evaluate) -> TrajectoryReport:
+    """Pair the poses of two trajectories, align them, and compare.
+
+    Raises:
+        UsageError: a source that holds no poses.
+    """
+    if isinstance(job.source, Maps | Synthetic):
+        raise UsageError("no poses", want="a file of poses (TUM, KITTI, EuRoC)")
+    if job.report is not None:
+        check_new_file(job.report, overwrite=job.overwrite, flag="--report")
+    judging = TrajectoryJudging(
+        align=job.align,
+        pair=job.pair,
+        rpe=job.rpe,
+        segments=job.segments,
+        times=job.times,
+        reference_times=job.reference_times,
+        body=job.body,
+    )
+    report = judging.judge(Path(job.source.path), job.reference)
+    return report if job.report is None else write_trajectory_page(job.report, report)
+
+
 def told(
     job: Evaluate, source: FrameSequence[AnyFrame], per_frame: Comparing[AnyFrame], *, subject: str
 ) -> CloudsReport:
@@ -343,8 +410,15 @@ def opened(job: Evaluate) -> FrameSequence[Frame]:
     """The frames that are asked for, with the rig that is asked for.
 
     Raises:
-        UsageError: disparity maps, where pairs or clouds are wanted.
+        UsageError: disparity maps or poses, where pairs or clouds are wanted.
     """
+    if isinstance(job.source, Poses):
+        raise UsageError(
+            "a file of poses",
+            want="pairs, clouds or disparity maps",
+            fix="Judge it by `evaluate trajectory EST --reference REF`.",
+            path=job.source.path,
+        )
     if isinstance(job.source, Maps):
         raise UsageError(
             "disparity maps, which have no points",
@@ -367,6 +441,8 @@ def opened(job: Evaluate) -> FrameSequence[Frame]:
 def compare_maps(job: Evaluate) -> DisparityReport:
     """Compare files with files of the same name."""
     estimate = job.source.path
+    if isinstance(job.source, Poses):
+        opened(job)  # which says what to do with them
     if job.reference is None:
         raise UsageError(
             "disparity maps without a reference", want="the truth", fix="Add --reference GT."

@@ -43,6 +43,7 @@ from pseudolidar.formats.rigs.rig_json import write_rig
 from pseudolidar.formats.rigs.rig_reading import RigReading, unchanged
 from pseudolidar.formats.time_table import read_time_table
 from pseudolidar.formats.timestamps import read_times, read_timestamps
+from pseudolidar.formats.trajectory_file import read_trajectory
 from pseudolidar.formats.tum import read_associations, read_picture_list, read_tum_trajectory
 from pseudolidar.formats.video.file import VideoFile
 from pseudolidar.geometry.rectification import rectification
@@ -259,6 +260,8 @@ TIMES = [b"0.0\n0.1\n0.2\n", b"2011-09-26 13:02:44.327963904\n2011-09-26 13:02:4
 TUM = [b"# time file\n1305031102.175 rgb/a.png\n1305031102.211 rgb/b.png\n",
        b"1.0 rgb/a.png 1.01 depth/a.png\n2.0 rgb/b.png 2.01 depth/b.png\n",
        b"1.0 0 0 0 0 0 0 1\n2.0 1 0 0 0 0 0.1 0.995\n"]  # fmt: skip
+POSES = [TUM[-1], b"1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 1 0 1 0 0 0 0 1 0\n",
+         b"#timestamp [ns],x\n15,0,0,0,1,0,0,0\n25,1,0,0,1,0,0,0,9,9\n"]  # fmt: skip
 OXTS = [b"49.0 8.4 116.4 0.03 0.01 -3.0 " + b" ".join([b"0.5"] * 24) + b"\n"]
 
 
@@ -441,6 +444,7 @@ READERS = {
         any_of(read_picture_list, read_associations, read_tum_trajectory),
         "rgb.txt",
     ),
+    "trajectory": Reader(lambda: POSES, read_trajectory, "a.txt"),
     "oxts": Reader(lambda: OXTS, read_oxts, "0.txt"),
     "picture": Reader(images, read_image, "input"),
     "disparity-png": Reader(lambda: [encode_disparity_png(maps()[0])], read_disparity_png, "a.png"),

@@ -14,11 +14,12 @@ from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.text import TextLine, Word, read_lines
 from pseudolidar.formats.timestamps import LARGEST_S, NS_PER_S
-from pseudolidar.geometry.quaternion import quaternion_wxyz, rotation_of
+from pseudolidar.geometry.quaternion import quaternion_wxyz, rotations_of
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.pose import ROTATION_TOLERANCE
 
 TRAJECTORY_NUMBERS = 8
+NOT_SECONDS = "Divide the times by 1e9 if they are nanoseconds."
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,9 @@ def _timed(line: TextLine, words: list[Word]) -> TimedName:
 def _time_ns(line: TextLine, word: Word) -> int:
     """Seconds to whole nanoseconds, exact."""
     if not 0 <= line.number_of(word) < LARGEST_S:
-        raise line.refusal(f"{word.text[:40]!r} s", want="seconds", column=word.column)
+        raise line.refusal(
+            f"{word.text[:40]!r} s", want="seconds", fix=NOT_SECONDS, column=word.column
+        )
     return int((Decimal(word.text) * NS_PER_S).to_integral_value())
 
 
@@ -93,20 +96,20 @@ def read_tum_trajectory(
         PoseFileError: missing file, no number, wrong count, a quaternion that is none; by line.
     """
     times: list[int] = []
-    poses: list[Float64] = []
+    values: list[list[float]] = []
     for line in _content(path, PoseFileError, limits, 1):
         words = line.words()
         numbers = line.numbers(words, count=TRAJECTORY_NUMBERS)
-        q = np.array([numbers[7], *numbers[4:7]])
-        length = float(np.linalg.norm(q))
+        length = float(np.linalg.norm(numbers[4:]))
         # Written with four digits, a quaternion is of unit length to some 1e-4.
         if not abs(length - 1) <= ROTATION_TOLERANCE:
             raise line.refusal(f"a quaternion of length {length:.4g}", want="1, to 1e-3")
-        T = np.eye(4)
-        T[:3, :3], T[:3, 3] = rotation_of(q), numbers[1:4]
         times.append(_time_ns(line, words[0]))
-        poses.append(T)
-    return tuple(times), np.array(poses).reshape(-1, 4, 4)
+        values.append(numbers[1:])
+    rows = np.array(values, np.float64).reshape(-1, TRAJECTORY_NUMBERS - 1)
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = rotations_of(rows[:, [6, 3, 4, 5]]), rows[:, :3]
+    return tuple(times), poses
 
 
 def write_tum_trajectory(path: Path, times_ns: Sequence[int], T_world_camera: Float64) -> None:

@@ -41,14 +41,18 @@ def quaternion_wxyz(R: Float64) -> Float64:
 
 def rotation_of(q_wxyz: Float64) -> Float64:
     """(3, 3) rotation of a quaternion (4,) w, x, y, z of any length but 0."""
-    w, x, y, z = q_wxyz / np.linalg.norm(q_wxyz)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
+    return np.asarray(rotations_of(q_wxyz[None])[0])
+
+
+def rotations_of(q_wxyz: Float64) -> Float64:
+    """(N, 3, 3) rotations of quaternions (N, 4) w, x, y, z of any length but 0."""
+    w, x, y, z = (q_wxyz / np.linalg.norm(q_wxyz, axis=1, keepdims=True)).T
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
     )
+    return np.moveaxis(np.array(rows), -1, 0)
 
 
 def slerp(a: Float64, b: Float64, share: float) -> Float64:

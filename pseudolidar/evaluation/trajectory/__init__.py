@@ -1,0 +1,1 @@
+"""How good a trajectory is: pairing in time, alignment, absolute and relative errors."""
