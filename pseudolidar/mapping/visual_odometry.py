@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pseudolidar.errors import StructureError, UsageError
+from pseudolidar.errors import SequenceTime, StructureError, UsageError
 from pseudolidar.geometry.frames import ODOM
 from pseudolidar.geometry.pnp import RelativePose
 from pseudolidar.geometry.tracking import MatchedPair
@@ -76,6 +76,7 @@ class VisualChain:
         self._settings, self._rig = settings, rig
         self._estimate = OffsetEstimate(rig) if settings.offset and not rig.correction else None
         self._registered = 0
+        self._time_ns: int | None = None
         self._pieces: list[Keyframes] = []
         self._last: _Last | None = None
         self._lost, self._most_agreed = 0, 0
@@ -95,9 +96,6 @@ class VisualChain:
 
         Early ones are put right with what is known of the offset by now: better than what
         `register` could tell at their time.
-
-        Raises:
-            StructureError: time stamps that do not increase.
         """
         return tuple(piece.path.trajectory(self.offset) for piece in self._pieces)
 
@@ -114,14 +112,26 @@ class VisualChain:
         Raises:
             CalibrationSizeMismatch: the frame has another size than the rig.
             StructureError: the disparities or a mask have another size than the frame.
+            SequenceTime: the frame is not later than the one before.
         """
         sight = self._sight(frame, disparity, movable)
+        self._check_time(frame)
+        self._registered += 1
         if self._last is None or self._lost > self._settings.reach:
             return self._begin(sight, frame.timestamp_ns)
         found = self._found(sight)
         if isinstance(found, RelativePose):
             return self._go_on(sight, frame.timestamp_ns, found)
         return self._lose(found)
+
+    def _check_time(self, frame: StereoFrame) -> None:
+        if self._time_ns is not None and frame.timestamp_ns <= self._time_ns:
+            raise SequenceTime(
+                f"a frame at {frame.timestamp_ns} ns after one at {self._time_ns} ns",
+                want="frames in order of time",
+                where=f"frame {frame.id}",
+            )
+        self._time_ns = frame.timestamp_ns
 
     def _lose(self, why: str) -> OdometryState:
         self._lost += 1
@@ -141,9 +151,8 @@ class VisualChain:
                 raise StructureError(
                     f"{what} of shape {shape}", want=f"{(height, width)}", where=f"frame {frame.id}"
                 )
-        self._registered += 1
         covered = movable_pixels(movable, (height, width))
-        return Sight(self._registered - 1, MatchedPair.of(frame, disparity), covered)
+        return Sight(self._registered, MatchedPair.of(frame, disparity), covered)
 
     def _begin(self, sight: Sight, timestamp_ns: int) -> OdometryState:
         """A piece of path from this frame on, if it shows enough."""

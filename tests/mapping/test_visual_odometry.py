@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pseudolidar.errors import CalibrationSizeMismatch, StructureError, UsageError
+from pseudolidar.errors import CalibrationSizeMismatch, SequenceTime, StructureError, UsageError
 from pseudolidar.mapping.visual_odometry import VisualOdometry
 from pseudolidar.structures.box import Detection
 from pseudolidar.structures.disparity import DisparityMap
@@ -92,13 +92,27 @@ def test_a_black_frame_is_lost_and_bridged(street):
 
 
 def test_a_camera_that_delivers_one_picture_is_lost(street):
-    first, second = street.frames[:2]
+    first, second, third, fourth = street.frames[:4]
     odometry = VisualOdometry().start(street.rig)
     odometry.register(first, first.truth)
-    assert "the same picture as the frame before" in odometry.register(first, first.truth).why
-    same_eyes = replace(second, right=second.left)
-    assert "left and right are the same" in odometry.register(same_eyes, second.truth).why
-    assert odometry.register(second, second.truth).status == "ok"
+    frozen = replace(second, left=first.left, right=first.right)
+    told = odometry.register(frozen, first.truth)
+    assert told.status == "lost"
+    assert "the same picture as the frame before" in told.why
+    told = odometry.register(replace(third, right=third.left), third.truth)
+    assert told.status == "lost"
+    assert "left and right are the same" in told.why
+    found = odometry.register(fourth, fourth.truth)
+    assert (found.status, found.step.frames) == ("ok", 3)
+
+
+def test_frames_out_of_order_are_refused(street):
+    first, second = street.frames[:2]
+    odometry = VisualOdometry().start(street.rig)
+    odometry.register(second, second.truth)
+    for wrong in (first, second):
+        with pytest.raises(SequenceTime, match=f"frame {wrong.id}"):
+            odometry.register(wrong, wrong.truth)
 
 
 def test_a_new_piece_begins_after_long_darkness(street):
@@ -106,13 +120,13 @@ def test_a_new_piece_begins_after_long_darkness(street):
     odometry = VisualOdometry(reach=1).start(street.rig)
     dark = odometry.register(black(frames[0]), unknown(frames[0]))
     assert (dark.status, dark.piece) == ("lost", 0)
-    assert odometry.register(frames[0], frames[0].truth).status == "first"
-    for frame in frames[1:4]:
+    assert odometry.register(frames[1], frames[1].truth).status == "first"
+    for frame in frames[2:5]:
         assert odometry.register(black(frame), unknown(frame)).status == "lost"
-    anew = odometry.register(frames[4], frames[4].truth)
+    anew = odometry.register(frames[5], frames[5].truth)
     assert (anew.status, anew.piece) == ("first", 1)
     assert np.array_equal(anew.T_odom_camera.matrix, np.eye(4))
-    assert odometry.register(frames[5], frames[5].truth).piece == 1
+    assert odometry.register(frames[6], frames[6].truth).piece == 1
     assert [len(path) for path in odometry.trajectories()] == [1, 2]
 
 
