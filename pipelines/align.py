@@ -32,6 +32,8 @@ from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, tell
 from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.eyes import Eyes
+from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.body import BodyRig
 from pseudolidar.structures.pose import Pose
@@ -63,6 +65,8 @@ class Align:
         by: what neighbours share: `overlap` (surfaces) or `shared-board`.
         trust: how well the places given are known, and how sure the result must be.
         matcher: how disparities are found; boards need none.
+        rows: bring the rows of the right picture to those of the left one before matching: `auto`
+            where points that both eyes see show that they differ, `never`.
         balance: give the right picture the brightness, colours, gamma and vignetting of the left
             one before matching: `auto` for matchers that compare brightness (all but census) where
             the eyes differ, `always`, `never`.
@@ -82,6 +86,7 @@ class Align:
     by: Overlap | SharedBoard = field(default_factory=Overlap)
     trust: Trust = field(default_factory=Trust)
     matcher: Census | Sgbm | Bm = field(default_factory=lambda: Census(quality="fine"))
+    rows: RowsWhen = "auto"
     balance: BalanceWhen = "auto"
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
@@ -113,7 +118,7 @@ def run(job: Align) -> AlignReport:
         see = SeeBoard(job.by, given)
     else:
         see = SeeFrame.of(
-            source, job.matcher, job.by, balance=job.balance, min_depth_m=job.min_depth
+            source, job.matcher, job.by, eyes=Eyes(job.rows, job.balance), min_depth_m=job.min_depth
         )
     seen, skipped = _seen(source, see, crew, job.on_error)
     found = places_found([frame.sights for frame in seen], given, root, job.by, job.trust)

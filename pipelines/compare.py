@@ -84,6 +84,7 @@ from pseudolidar.sources.source import FrameSequence, clouds_of, pairs_of, tell
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.eyes import Eyes
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.filters.filled_map import Surfaces
 from pseudolidar.stereo.filters.smoothed_map import Fgs
@@ -91,6 +92,7 @@ from pseudolidar.stereo.filters.temporal import Kalman
 from pseudolidar.stereo.given_maps import StoredSteps
 from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject, Reprojector
+from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import Frame, RecordedCloud
@@ -142,6 +144,8 @@ class Compare:
             npz, mcap with the error of each point (error_m, and as colour); together (a PLY of both
             clouds, column source); or none.
         matcher: how disparities are found.
+        rows: bring the rows of the right picture to those of the left one before matching: `auto`
+            where points that both eyes see show that they differ, `never`.
         balance: give the right picture the brightness, colours, gamma and vignetting of the left
             one before matching: `auto` for matchers that compare brightness (all but census) where
             the eyes differ, `always`, `never`.
@@ -185,6 +189,7 @@ class Compare:
     bins: DepthBins = DEFAULT_BINS
     to: ComparedOutputs = field(default_factory=lambda: ComparedOutputs(("pcd",)))
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
+    rows: RowsWhen = "auto"
     balance: BalanceWhen = "auto"
     clean: Clean | None = field(default_factory=Clean)
     temporal: Kalman | None = None
@@ -464,7 +469,7 @@ def matching(job: Compare, source: FrameSequence[StereoFrame]) -> MatchFrame:
         job.refining,
         job.clean,
         given=given,
-        balance=job.balance,
+        eyes=Eyes(job.rows, job.balance),
         min_depth_m=job.min_depth,
     )
 

@@ -63,6 +63,7 @@ from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, pairs_of, tell
 from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.eyes import Eyes
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.filters.filled_map import Surfaces
 from pseudolidar.stereo.filters.smoothed_map import Fgs
@@ -70,6 +71,7 @@ from pseudolidar.stereo.filters.temporal import Kalman
 from pseudolidar.stereo.given_maps import StoredSteps
 from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject, Reprojector
+from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.frame import StereoFrame
@@ -101,6 +103,8 @@ class Convert:
             ply:ascii, bin, npz, disparity, depth, mcap; kitti (training tree of OpenPCDet and
             MMDetection3D), colmap (cameras, poses and points for splatting tools).
         matcher: how disparities are found.
+        rows: bring the rows of the right picture to those of the left one before matching: `auto`
+            where points that both eyes see show that they differ, `never`.
         balance: give the right picture the brightness, colours, gamma and vignetting of the left
             one before matching: `auto` for matchers that compare brightness (all but census) where
             the eyes differ, `always`, `never`.
@@ -161,6 +165,7 @@ class Convert:
     out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out")
     to: Outputs = field(default_factory=lambda: Outputs(("pcd",)))
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
+    rows: RowsWhen = "auto"
     balance: BalanceWhen = "auto"
     clean: Clean | None = field(default_factory=Clean)
     temporal: Kalman | None = None
@@ -307,7 +312,7 @@ class ConvertFrame:
             refining,
             job.clean,
             given=given,
-            balance=job.balance,
+            eyes=Eyes(job.rows, job.balance),
             min_depth_m=job.min_depth,
         )
         paired = source.yields is StereoFrame  # else no kernel is needed, which take a second

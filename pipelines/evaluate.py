@@ -55,8 +55,9 @@ from pseudolidar.sources.scans_put_right import Scans
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, clouds_of, nearest_depth_m, pairs_of
 from pseudolidar.sources.synthetic import Synthetic
-from pseudolidar.stereo.balance import BalanceWhen, balanced
+from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.eyes import Eyes
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.filters.filled_map import Surfaces
 from pseudolidar.stereo.filters.map_filter import FilteredMatcher
@@ -65,6 +66,7 @@ from pseudolidar.stereo.filters.temporal import Kalman
 from pseudolidar.stereo.matcher import StereoMatcher
 from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject
+from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import Frame, RecordedCloud
@@ -136,6 +138,8 @@ class Evaluate:
         source: data with ground-truth disparity, or disparity maps: files or folders; to judge
             clouds, pairs with LiDAR scans, or clouds: files, folders, recordings; a file of poses.
         matcher: how disparities are found.
+        rows: bring the rows of the right picture to those of the left one before matching: `auto`
+            where points that both eyes see show that they differ, `never`.
         balance: give the right picture the brightness, colours, gamma and vignetting of the left
             one before matching: `auto` for matchers that compare brightness (all but census) where
             the eyes differ, `always`, `never`.
@@ -187,6 +191,7 @@ class Evaluate:
     what: Annotated[Literal["disparity", "cloud", "obstacles", "trajectory"], POSITIONAL]
     source: Annotated[Source | Maps | Poses, Recognised(recognise_judged)]
     matcher: Census | Sgbm | Bm | Onnx = Census()
+    rows: RowsWhen = "auto"
     balance: BalanceWhen = "auto"
     temporal: Kalman | None = None
     smooth: Fgs | None = None
@@ -279,7 +284,7 @@ def judge_disparities(job: Evaluate, source: FrameSequence[StereoFrame]) -> Disp
     searching = Searching(job.matcher, job.min_depth)
     warnings = preflight(source, wanted=job.check, crew=CrewPlan(job.workers), searching=searching)
     nearest_m = nearest_depth_m(job.min_depth, source)
-    loaded = balanced(job.matcher, job.balance, min_depth_m=nearest_m)
+    loaded = Eyes(job.rows, job.balance).load(job.matcher, min_depth_m=nearest_m)
     matcher = FilteredMatcher(*refining(job).load(loaded, source))
     per_frame = JudgeFrame(matcher, most=max(1, MAX_SAMPLES // max(1, len(source.ids))))
     skipped: list[Skipped] = []
@@ -328,7 +333,12 @@ def judge_clouds(job: Evaluate) -> CloudsReport:
         return told(job, clouds, against, subject=source.summary.line)
     pairs = pairs_of(source)
     match = MatchFrame.load(
-        pairs, job.matcher, refining(job), job.clean, balance=job.balance, min_depth_m=job.min_depth
+        pairs,
+        job.matcher,
+        refining(job),
+        job.clean,
+        eyes=Eyes(job.rows, job.balance),
+        min_depth_m=job.min_depth,
     )
     scans = OwnReference("scan") if reference is None else other_scans(reference, pairs)
     per_frame = CompareCloudOfPair(match, job.reproject.load(), scans)
@@ -344,7 +354,12 @@ def judge_labelled(job: Evaluate) -> ObstaclesReport:
     warnings = preflight(pairs, wanted=job.check, crew=crew, searching=searching)
     clean = SMALL_THINGS_KEPT if job.clean == Clean() else job.clean  # as `obstacles` does
     match = MatchFrame.load(
-        pairs, job.matcher, refining(job), clean, balance=job.balance, min_depth_m=job.min_depth
+        pairs,
+        job.matcher,
+        refining(job),
+        clean,
+        eyes=Eyes(job.rows, job.balance),
+        min_depth_m=job.min_depth,
     )
     steps = steps_in_words(described(job.matcher), refining(job), clean)
     detectors = (job.detector,) if job.also is None else (job.detector, job.also)

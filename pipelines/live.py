@@ -57,11 +57,13 @@ from pseudolidar.sources.rectified import Rectify
 from pseudolidar.sources.source import pairs_of, tell
 from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.eyes import Eyes
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.filters.filled_map import Surfaces
 from pseudolidar.stereo.filters.smoothed_map import Fgs
 from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject
+from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 
 # A frame that takes longer is skipped; waiting for the cameras is no part of it.
@@ -109,6 +111,8 @@ class Live:
             the newest frame; with --capture both eyes as they are.
         camera: how cameras are opened and paired.
         matcher: how disparities are found.
+        rows: bring the rows of the right picture to those of the left one before matching: `auto`
+            where points that both eyes see show that they differ, `never`.
         balance: give the right picture the brightness, colours, gamma and vignetting of the left
             one before matching: `auto` for matchers that compare brightness (all but census) where
             the eyes differ, `always`, `never`.
@@ -155,6 +159,7 @@ class Live:
     preview: Annotated[bool, RUN_ONLY] = False
     camera: Annotated[CameraSettings, RUN_ONLY] = field(default_factory=CameraSettings)
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
+    rows: RowsWhen = "auto"
     balance: BalanceWhen = "auto"
     clean: Clean | None = field(default_factory=Clean)
     smooth: Fgs | None = None
@@ -245,7 +250,12 @@ def convert_frame(job: Live, source: LivePairs[Any]) -> ConvertFrame:
     left_in(rig, job.frame or default_frame(rig))  # a wrong --frame ends the run here
     refining = Refining(None, job.smooth, job.fill)
     match = MatchFrame.load(
-        source, job.matcher, refining, job.clean, balance=job.balance, min_depth_m=job.min_depth
+        source,
+        job.matcher,
+        refining,
+        job.clean,
+        eyes=Eyes(job.rows, job.balance),
+        min_depth_m=job.min_depth,
     )
     normals = Normals() if job.normals else None
     beams = None if job.beams is None else Beams(job.beams)

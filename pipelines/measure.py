@@ -32,8 +32,10 @@ from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, tell
 from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.eyes import Eyes
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.neural import Onnx
+from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.obstacle import Obstacle
 from pseudolidar.structures.recorded import Frame
@@ -62,6 +64,8 @@ class Measure:
         name: class of the thing, where it has one with a usual size (car, person): what cannot be
             seen of it, as its length from behind, is taken from there.
         matcher: how disparities are found.
+        rows: bring the rows of the right picture to those of the left one before matching: `auto`
+            where points that both eyes see show that they differ, `never`.
         balance: give the right picture the brightness, colours, gamma and vignetting of the left
             one before matching: `auto`, `always`, `never`.
         clean: what is removed of the disparities because it is no surface; `none` keeps all.
@@ -84,6 +88,7 @@ class Measure:
     frame: FrameSelection = FIRST
     name: str = NO_CLASS
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
+    rows: RowsWhen = "auto"
     balance: BalanceWhen = "auto"
     clean: Clean | None = SMALL_THINGS_KEPT
     ground: GroundFit | None = field(default_factory=GroundFit)
@@ -116,7 +121,7 @@ def run(job: Measure) -> MeasureReport:
         job.matcher,
         Refining(),
         job.clean,
-        balance=job.balance,
+        eyes=Eyes(job.rows, job.balance),
         min_depth_m=job.min_depth,
     )
     sighted = SightFrame.of(match, job.ground)

@@ -71,8 +71,10 @@ from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, tell
 from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.eyes import Eyes
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.neural import Onnx
+from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.recorded import Frame
 
@@ -110,6 +112,8 @@ class Obstacles:
         also: a second one, such as `cloud` for what the first one does not know; what both see is
             one obstacle.
         matcher: how disparities are found.
+        rows: bring the rows of the right picture to those of the left one before matching: `auto`
+            where points that both eyes see show that they differ, `never`.
         balance: give the right picture the brightness, colours, gamma and vignetting of the left
             one before matching: `auto` for matchers that compare brightness (all but census) where
             the eyes differ, `always`, `never`.
@@ -154,6 +158,7 @@ class Obstacles:
     detector: AnyDetector | None = field(default_factory=Labels)
     also: AnyDetector | None = None
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
+    rows: RowsWhen = "auto"
     balance: BalanceWhen = "auto"
     clean: Clean | None = SMALL_THINGS_KEPT
     ground: GroundFit | None = field(default_factory=GroundFit)
@@ -290,7 +295,7 @@ class ObstaclesFrame:
             job.matcher,
             Refining(),
             job.clean,
-            balance=job.balance,
+            eyes=Eyes(job.rows, job.balance),
             min_depth_m=job.min_depth,
         )
         detector = asked(job.detector, job.also)

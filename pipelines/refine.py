@@ -28,8 +28,10 @@ from pseudolidar.sources.rectified import Rectify, raw_rig
 from pseudolidar.sources.scans_put_right import Scans
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSource, nearest_depth_m, pairs_of
-from pseudolidar.stereo.balance import BalanceWhen, balanced
+from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.eyes import Eyes
+from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.camera import StereoRig
 
@@ -54,6 +56,8 @@ class Refine:
         out: the rig file.
         by: what the fit is based on: `reference` (scans, or ground truth), `motion`, `rows`.
         matcher: how disparities are found; the correction belongs to the rig, not to it.
+        rows: bring the rows of the right picture to those of the left one before matching: `auto`
+            where points that both eyes see show that they differ, `never`.
         balance: give the right picture the brightness, colours, gamma and vignetting of the left
             one before matching: `auto` for matchers that compare brightness (all but census) where
             the eyes differ, `always`, `never`.
@@ -81,6 +85,7 @@ class Refine:
     out: Annotated[Path, RUN_ONLY] = Path("rig.json")
     by: Reference | Motion | Rows = field(default_factory=Reference)
     matcher: Census | Sgbm | Bm = field(default_factory=lambda: Census(quality="fine"))
+    rows: RowsWhen = "auto"
     balance: BalanceWhen = "auto"
     frames: FrameSelection | None = None
     exclude: FrameSelection | None = None
@@ -110,7 +115,7 @@ def run(job: Refine) -> RefineReport:
     searching = Searching(job.matcher, job.min_depth)
     warnings = preflight(source, wanted=job.check, crew=crew, mends=(ROWS,), searching=searching)
     nearest_m = nearest_depth_m(job.min_depth, source)
-    matcher = balanced(job.matcher, job.balance, min_depth_m=nearest_m)
+    matcher = Eyes(job.rows, job.balance).load(job.matcher, min_depth_m=nearest_m)
     found: ReferenceRefinement | PictureRefinement
     if isinstance(job.by, Reference):
         aligned = pairs_of(with_rows_aligned(source))

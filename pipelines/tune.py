@@ -31,12 +31,14 @@ from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.scans_put_right import Scans
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSource, nearest_depth_m, pairs_of, tell
-from pseudolidar.stereo.balance import BalanceWhen, balanced
+from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.eyes import Eyes
 from pseudolidar.stereo.filters.filled_map import Surfaces
 from pseudolidar.stereo.filters.map_filter import FilteredMatcher, MapFilters
 from pseudolidar.stereo.filters.smoothed_map import Fgs
 from pseudolidar.stereo.matcher import StereoMatcher
+from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 
 _log = logging.getLogger(__name__)
@@ -72,6 +74,7 @@ class Tune:
         matcher: whose settings, and from which on.
         smooth: smoothing to start with; the search tries it, with other settings, and none.
         fill: filling of holes to start with; its settings are tuned only where it is chosen.
+        rows: whether the rows of the right eye are aligned with the left one's before: auto, never.
         balance: whether the right eye is equalised to the left one before: auto, always, never.
         keep: settings that stay as they are, a comma list: matcher.quality, smooth.
         candidates: most settings that are tried, whatever time is left.
@@ -102,6 +105,7 @@ class Tune:
     matcher: Census | Sgbm | Bm = field(default_factory=Census)
     smooth: Fgs | None = None
     fill: Surfaces | None = None
+    rows: RowsWhen = "auto"
     balance: BalanceWhen = "auto"
     keep: str = ""
     candidates: Annotated[int | None, RUN_ONLY] = None
@@ -264,7 +268,7 @@ def loader(job: Tune, source: FrameSource) -> Callable[[Candidate], StereoMatche
 
     @functools.lru_cache(maxsize=LOADED)
     def load(candidate: Candidate) -> StereoMatcher:
-        matcher = balanced(candidate.matcher, job.balance, min_depth_m=nearest_m)
+        matcher = Eyes(job.rows, job.balance).load(candidate.matcher, min_depth_m=nearest_m)
         return FilteredMatcher(matcher, MapFilters.load(candidate.smooth, candidate.fill))
 
     return load

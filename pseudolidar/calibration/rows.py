@@ -12,10 +12,10 @@ from pseudolidar.errors import UsageError
 from pseudolidar.geometry.corners import spread_corners
 from pseudolidar.geometry.gaps import filled
 from pseudolidar.geometry.lucas_kanade import follow_both_ways
+from pseudolidar.geometry.row_fit import LEAST_GAIN, fitted_rows, one_sigma, row_offsets
 from pseudolidar.geometry.tracking import CORNERS_PRECISE, WINDOW_ACROSS_PX, MatchedPair
 from pseudolidar.structures.arrays import Bool, Float64, Int64
 from pseudolidar.structures.correction import RowCorrection
-from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
 
 # A point found in the other eye comes back to this, and lies within so many rows, px; a pair that
 # is off by more is not rectified.
@@ -28,14 +28,8 @@ FOLDS = 5
 # The image is divided into 6 x 3 blocks. With points in fewer of them than this share a polynomial
 # would be free elsewhere.
 BLOCKS, LEAST_COVERED, LEAST_IN_BLOCK = (6, 3), 0.6, 10
-# How large coefficients are expected to be, one standard deviation, px, and how many independent
-# points a frame is worth: neighbours share their picture's errors.
-PRIOR_PX, INDEPENDENT_PER_FRAME = 1.0, 100
-MAX_ITERATIONS, CONVERGED_PX = 30, 1e-4
-# Half width of the Cauchy distribution with 68 % of its mass within one sigma.
-CAUCHY_PER_SIGMA = 0.55
-# A correction that gains less than this on frames left out, relatively, is none.
-LEAST_GAIN = 0.1
+# How many independent points a frame is worth: neighbours share their picture's errors.
+INDEPENDENT_PER_FRAME = 100
 
 
 @dataclass(frozen=True)
@@ -169,36 +163,17 @@ def fit_rows(frames: Sequence[RowPoints], *, origin: str = "") -> RowFit:
     if covered < LEAST_COVERED:
         reason = f"the points cover only {covered:.0%} of the picture"
         return RowFit(None, reason, total, len(frames), None, None)
-    before_px = _one_sigma(lower_px)
-    after_px = _one_sigma(_left_out_residuals(features, lower_px, frame))
+    before_px = one_sigma(lower_px)
+    after_px = one_sigma(_left_out_residuals(features, lower_px, frame))
     described = origin or f"{total} points of {len(frames)} frames"
     if after_px > (1 - LEAST_GAIN) * before_px:
         reason = "nothing to be gained, not corrected"
         return RowFit(None, reason, total, len(frames), before_px, after_px)
-    coefficients = _coefficients(features, lower_px, len(frames))
+    independent = len(frames) * INDEPENDENT_PER_FRAME
+    coefficients = fitted_rows(features, lower_px, independent=independent)
     described = f"{described}: rows {before_px:.2f} to {after_px:.2f} px, {size_px[0]}x{size_px[1]}"
     correction = RowCorrection(coefficients, after_px, described)
     return RowFit(correction, "", total, len(frames), before_px, after_px)
-
-
-def _coefficients(features: Float64, lower_px: Float64, frames: int) -> Float64:
-    """(9,) most likely coefficients where errors are Cauchy-distributed."""
-    coefficients = np.zeros(features.shape[1])
-    coefficients[0] = np.median(lower_px)
-    for _ in range(MAX_ITERATIONS):
-        error = lower_px - features @ coefficients
-        scale = max(CONVERGED_PX, _one_sigma(error))
-        weight = 1.0 / (1.0 + (error / (CAUCHY_PER_SIGMA * scale)) ** 2)
-        weighted = features * (weight / weight.sum())[:, None]
-        prior = scale**2 / (frames * INDEPENDENT_PER_FRAME * PRIOR_PX**2)
-        updated = np.linalg.solve(
-            weighted.T @ features + prior * np.eye(len(coefficients)), weighted.T @ lower_px
-        )
-        change = np.abs(updated - coefficients).max()
-        coefficients = updated
-        if change < CONVERGED_PX:
-            break
-    return coefficients
 
 
 def _left_out_residuals(features: Float64, lower_px: Float64, frame: Int64) -> Float64:
@@ -208,9 +183,10 @@ def _left_out_residuals(features: Float64, lower_px: Float64, frame: Int64) -> F
     for turn in np.unique(turns):
         held: Bool = turns == turn
         fitted = len(np.unique(frame[~held]))
-        left[held] = lower_px[held] - features[held] @ _coefficients(
-            features[~held], lower_px[~held], fitted
+        coefficients = fitted_rows(
+            features[~held], lower_px[~held], independent=fitted * INDEPENDENT_PER_FRAME
         )
+        left[held] = lower_px[held] - row_offsets(features[held], coefficients)
     return left
 
 
@@ -221,7 +197,3 @@ def _covered(frames: Sequence[RowPoints]) -> float:
         spans = ((0, points.size_px[0]), (0, points.size_px[1]))
         counts += np.histogram2d(points.u, points.v, bins=BLOCKS, range=spans)[0]
     return float(np.mean(counts >= LEAST_IN_BLOCK))
-
-
-def _one_sigma(errors: Float64) -> float:
-    return float(np.quantile(np.abs(errors), ONE_SIGMA_SHARE))

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 from typing import cast
 
 import numpy as np
 
 from pseudolidar.structures.arrays import Float32, Image
 from pseudolidar.structures.correction import RowCorrection
-
-# Fields of so many rigs or sizes are kept: making one takes longer than using it.
-FIELDS_KEPT = 4
 
 
 def rows_aligned(right: Image, rows: RowCorrection) -> Image:
@@ -27,15 +23,20 @@ def rows_aligned(right: Image, rows: RowCorrection) -> Image:
     import cv2
 
     height, width = right.shape[:2]
-    u, v = _field(tuple(rows.coefficients.tolist()), width, height)
-    aligned = cv2.remap(right, u, v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-    aligned[(v < 0) | (v > height - 1)] = 0
-    return cast("Image", aligned)
+    v = rows.field_px(width, height)
+    v += np.arange(height, dtype=np.float32)[:, None]
+    u = np.broadcast_to(np.arange(width, dtype=np.float32), v.shape)
+    moved = cv2.remap(
+        right, np.ascontiguousarray(u), v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+    )
+    aligned = cast("Image", moved)
+    _blacken(aligned, v)
+    return aligned
 
 
-@functools.lru_cache(FIELDS_KEPT)
-def _field(coefficients: tuple[float, ...], width: int, height: int) -> tuple[Float32, Float32]:
-    """(H, W) columns and rows of the right picture that its aligned pixels come from."""
-    v, u = np.indices((height, width), np.float64)
-    lower = RowCorrection(np.array(coefficients), 0.0).offset_px(u, v, (width, height))
-    return u.astype(np.float32), (v + lower).astype(np.float32)
+def _blacken(aligned: Image, v: Float32) -> None:
+    """Where rows `v` (H, W) are none of the picture, near its upper and lower edge."""
+    height = len(v)
+    rows = np.flatnonzero((v.min(axis=1) < 0) | (v.max(axis=1) > height - 1))
+    for row in rows:
+        aligned[row, (v[row] < 0) | (v[row] > height - 1)] = 0

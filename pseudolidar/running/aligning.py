@@ -12,7 +12,7 @@ from pseudolidar.errors import PseudolidarError
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.sources.body import parts_of
 from pseudolidar.sources.source import FrameSequence
-from pseudolidar.stereo.balance import BalanceWhen
+from pseudolidar.stereo.eyes import Eyes
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.matcher import MatcherSettings
 from pseudolidar.stereo.reproject import Reproject, Reprojector
@@ -55,7 +55,7 @@ class SeeFrame:
         matcher: MatcherSettings,
         overlap: Overlap,
         *,
-        balance: BalanceWhen,
+        eyes: Eyes,
         min_depth_m: float | None,
     ) -> SeeFrame:
         """With everything heavy loaded.
@@ -64,12 +64,12 @@ class SeeFrame:
             source: of several pairs on one body.
             matcher: how disparities are found.
             overlap: which points count.
-            balance: whether the right eye is equalised to the left one before.
+            eyes: what is done to each pair before.
             min_depth_m: nearest depth that must be found.
         """
         match = {
             name: MatchFrame.load(
-                part, matcher, Refining(), Clean(), balance=balance, min_depth_m=min_depth_m
+                part, matcher, Refining(), Clean(), eyes=eyes, min_depth_m=min_depth_m
             )
             for name, part in parts_of(source).items()
         }

@@ -9,7 +9,7 @@ from pseudolidar.running.frame_checks import MIN_DENSITY, check_pair, check_text
 from pseudolidar.running.settings_schema import choice_name
 from pseudolidar.sources.selection import whole
 from pseudolidar.sources.source import FrameSequence, nearest_depth_m, pairs_of
-from pseudolidar.stereo.balance import BalanceWhen, balanced
+from pseudolidar.stereo.eyes import Eyes
 from pseudolidar.stereo.filters.clean import Clean, Cleaned, Cleaner
 from pseudolidar.stereo.filters.filled_map import Surfaces
 from pseudolidar.stereo.filters.map_filter import MapFilters
@@ -20,6 +20,9 @@ from pseudolidar.stereo.matcher import MatcherSettings, StereoMatcher
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import Frame
+
+# By default both rows and brightness are looked at.
+BOTH_EYES = Eyes()
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,7 @@ class MatchFrame:
         clean: Clean | None,
         *,
         given: GivenMaps | None = None,
-        balance: BalanceWhen = "auto",
+        eyes: Eyes = BOTH_EYES,
         min_depth_m: float | None = None,
     ) -> MatchFrame:
         """With everything heavy loaded that the frames of `source` need.
@@ -93,14 +96,14 @@ class MatchFrame:
             refining: what is done to them.
             clean: what is removed of them; of given maps nothing.
             given: maps in place of a matcher.
-            balance: whether the right eye is equalised to the left one before.
+            eyes: what is done to the pair before.
             min_depth_m: nearest depth that must be found; None for what the source says.
 
         Raises:
             NoPairs, PoseMissing: as `Refining.load`.
         """
         nearest_m = nearest_depth_m(min_depth_m, source)
-        found = given or balanced(matcher, balance, min_depth_m=nearest_m)
+        found = given or eyes.load(matcher, min_depth_m=nearest_m)
         # Only disparities need the kernels, and these take a second to load.
         cleaned = clean if source.yields is StereoFrame and given is None else None
         least = MIN_DENSITY if given is None else 0.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pseudolidar.errors import CalibrationValue
-from pseudolidar.structures.arrays import Float64, check_array
+from pseudolidar.structures.arrays import Float32, Float64, check_array
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +186,19 @@ class RowCorrection:
         for column in range(1, len(self.coefficients)):  # no BLAS: it rounds by its threads
             offset += self.coefficients[column] * features[..., column]
         return np.asarray(offset)
+
+    def field_px(self, width: int, height: int) -> Float32:
+        """(H, W) of `offset_px` at every pixel: cubic along a row, square along a column."""
+        x = np.linspace(-1.0, 1.0, width)
+        y = np.linspace(-1.0, 1.0, height)[:, None].astype(np.float32)
+        c = self.coefficients
+        even = ((c[8] * x + c[3]) * x + c[1]) * x + c[0]
+        linear, square = (c[6] * x + c[4]) * x + c[2], c[7] * x + c[5]
+        field = y * square.astype(np.float32)
+        field += linear.astype(np.float32)
+        field *= y
+        field += even.astype(np.float32)
+        return np.asarray(field)
 
     def scaled(self, ratio: float) -> RowCorrection:
         """The correction for images whose height is `ratio` times as large."""

@@ -57,3 +57,12 @@ def test_a_resized_picture_has_a_scaled_correction():
     half = small.offset_px(u / 119 * 59, v / 79 * 39, (60, 40))
     assert np.allclose(half, whole / 2)
     assert small.residual_px == TILT.residual_px / 2
+
+
+def test_the_whole_field_is_the_offset_of_every_pixel():
+    rng = np.random.default_rng(0)
+    rows = RowCorrection(rng.normal(size=9), 0.0)
+    v, u = np.indices(SIZE_PX[::-1], np.float64)
+    field = rows.field_px(*SIZE_PX)
+    assert field.dtype == np.float32
+    assert np.abs(field - rows.offset_px(u, v, SIZE_PX)).max() < 1e-5
