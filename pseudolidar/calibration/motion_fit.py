@@ -99,7 +99,7 @@ class MotionFit:
 
     @property
     def _covariance(self) -> Float64:
-        """(8, 8) px^2 of the coefficients: offset and bend, and the scale that goes with them."""
+        """(10, 10) px^2 of the coefficients: offset and bend, and the scale that goes with them."""
         by_scale = self._by_scale
         columns = [by_scale * (self.scale.sigma_rel or 0.0)]
         follows = (*self.scale.by_shape.tolist(), 0.0)  # a bend that was not sought moves no scale
@@ -108,11 +108,12 @@ class MotionFit:
         ):
             by_offset = correction_coefficients(shape, self.rig)
             columns.append((by_offset + by_shape * by_scale) * sigma_px)
-        return sum((np.outer(each, each) for each in columns), np.zeros((8, 8)))
+        none = np.zeros((DisparityCorrection.TERMS,) * 2)
+        return sum((np.outer(each, each) for each in columns), none)
 
     @property
     def _by_scale(self) -> Float64:
-        """(8,) change of the coefficients with the factor of depths, about 1."""
+        """(10,) change of the coefficients with the factor of depths, about 1."""
         return correction_coefficients(np.zeros(2), self.rig, depth_factor=1.0 + SMALL) / SMALL
 
     @property

@@ -22,7 +22,7 @@ from pseudolidar.structures.correction import DisparityCorrection, SigmaScale
 from pseudolidar.structures.disparity import ONE_SIGMA_SHARE
 from pseudolidar.structures.samples import MRAD, DisparitySamples
 
-# Fewer than this cannot tell eight coefficients from noise that is correlated over some pixels.
+# Fewer than this cannot tell ten coefficients from noise that is correlated over some pixels.
 MIN_SAMPLES = 500
 # Of 1.8 million samples of KITTI stereo 2015, so many give the same correction to
 # 0.03 px anywhere.
@@ -142,7 +142,7 @@ class _HeldOut:
     Args:
         residual_px: systematic error left, one standard deviation.
         sigma_scale: factors on the matcher's sigma.
-        covariance: (9, 9) of the coefficients, by the jackknife.
+        covariance: (11, 11) of the coefficients, by the jackknife.
     """
 
     residual_px: float
@@ -151,14 +151,14 @@ class _HeldOut:
 
     @classmethod
     def of(cls, samples: DisparitySamples, terms: tuple[int, ...], whole: Float64) -> _HeldOut:
-        """Fit without each part in turn; `whole` (9,) is the fit to all.
+        """Fit without each part in turn; `whole` (11,) is the fit to all.
 
         A few frames look more alike than the frames to come, so that n of them show too little of
         what differs: by 1 + 1/n (measured on KITTI stereo 2015: fits to 1, 3, 5 and 11 frames,
         claims 0.66, 0.27, 0.26, 0.25 px, found on the 11 other frames 0.61, 0.39, 0.29, 0.29 px).
 
         The covariance is that of the jackknife over the parts, and no less than that of the noise
-        inside frames in any direction: the parts are too few for eight coefficients. Fits to
+        inside frames in any direction: the parts are too few for ten coefficients. Fits to
         disjoint sets of frames of KITTI stereo 2015 differ by 0.9 to 1.05 times what either says.
         """
         frames, part = len(np.unique(samples.frame)), parts_of(samples)
@@ -181,7 +181,7 @@ class _HeldOut:
 
 
 def _larger_covariance(one: Float64, least: Float64, terms: tuple[int, ...]) -> Float64:
-    """(9, 9) `one`, widened to `least` in every direction of the terms where it is narrower."""
+    """(11, 11) `one`, widened to `least` in every direction of the terms where it is narrower."""
     covariance = np.zeros_like(one)
     if not terms:
         return covariance

@@ -23,7 +23,7 @@ PRIOR_PX = 1.0
 # Terms of a fit: those of the correction, then the pitch that the LiDAR of the reference has beyond
 # what is known, mrad. Where it looks too low, what rises from the ground towards the camera seems
 # nearer than the reference and what stands upright does not.
-CORRECTION_TERMS = 8
+CORRECTION_TERMS = DisparityCorrection.TERMS
 PITCH = CORRECTION_TERMS
 TERMS = CORRECTION_TERMS + 1
 # Errors of neighbouring pixels are correlated: a frame is taken to tell as much as so many
@@ -51,12 +51,12 @@ def some_of(samples: DisparitySamples, most: int) -> DisparitySamples:
 def coefficients(
     samples: DisparitySamples, terms: tuple[int, ...], *, start: Float64 | None = None
 ) -> Float64:
-    """(9,) most likely coefficients where errors are Cauchy-distributed, wide as sigma says.
+    """(11,) most likely coefficients where errors are Cauchy-distributed, wide as sigma says.
 
     Args:
         samples: at least one.
         terms: the features that may be used; the coefficients of all others are 0.
-        start: (9,) where to begin, of similar samples: saves iterations and changes nothing else.
+        start: (11,) where to begin, of similar samples: saves iterations and changes nothing else.
     """
     return _solved(samples, terms, start)[0]
 
@@ -64,7 +64,7 @@ def coefficients(
 def covariance_inside_frames(
     samples: DisparitySamples, terms: tuple[int, ...], fitted: Float64
 ) -> Float64:
-    """(9, 9) px^2 of the coefficients `fitted` (9,), by the noise inside the frames alone.
+    """(11, 11) px^2 of the coefficients `fitted` (11,), by the noise inside the frames alone.
 
     A frame counts as `INDEPENDENT_PER_FRAME` samples, however many it has.
     """
@@ -107,7 +107,7 @@ def _solved(
 
 
 def residual(samples: DisparitySamples, fitted: Float64) -> Float64:
-    """(N,) px, errors that are left with the coefficients `fitted` (9,)."""
+    """(N,) px, errors that are left with the coefficients `fitted` (11,)."""
     fitted_px = np.einsum("ni,i->n", _features(samples), fitted)
     return np.asarray(samples.measured - fitted_px - samples.reference)
 
@@ -150,7 +150,7 @@ def _weighted_median(values: Float64, weights: Float64) -> float:
 
 
 def _features(samples: DisparitySamples) -> Float64:
-    """(N, 9): what errors are made of, for a coefficient of 1 each."""
+    """(N, 11): what errors are made of, for a coefficient of 1 each."""
     rig = DisparityCorrection.features(samples.measured, samples.u, samples.v, samples.size_px)
     pitch = np.zeros(len(samples)) if samples.per_pitch is None else samples.per_pitch
     return np.column_stack([rig, pitch])

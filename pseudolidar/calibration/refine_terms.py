@@ -16,9 +16,10 @@ from pseudolidar.calibration.refine_fit import (
     some_of,
 )
 from pseudolidar.structures.arrays import Float64, Int64
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.samples import DisparitySamples
 
-ONE, D, X, Y, XX, XY, YY, XXX = range(8)
+ONE, D, X, Y, XX, XY, YY, XXX, XXY, XXXX = range(DisparityCorrection.TERMS)
 # From nothing to all: what a rig does first stands first. A vergence (x^2) and a scale (d) are what
 # wrong calibrations have; tilts and the rest follow.
 LADDER: tuple[tuple[str, tuple[int, ...]], ...] = (
@@ -29,7 +30,8 @@ LADDER: tuple[tuple[str, tuple[int, ...]], ...] = (
     ("offset, scale, vergence", (ONE, D, XX)),
     ("offset, scale, tilt", (ONE, D, X, Y)),
     ("offset, scale, tilt, vergence", (ONE, D, X, Y, XX)),
-    ("all", (ONE, D, X, Y, XX, XY, YY, XXX)),
+    ("third order", (ONE, D, X, Y, XX, XY, YY, XXX)),
+    ("all", (ONE, D, X, Y, XX, XY, YY, XXX, XXY, XXXX)),
 )
 AND_PITCH = "; pitch of the LiDAR"
 FOLDS = 5
@@ -42,8 +44,8 @@ ALIKE_SIGMAS, ALIKE_PX = 1.0, 0.005
 # samples, and largest disparity over smallest, likewise.
 MIN_COLUMNS, MIN_ROWS, MIN_DISPARITIES = 0.5, 0.3, 2.0
 OUTER = (0.05, 0.95)
-# All eight terms and the pitch of a LiDAR want this many frames: fewer see too few places with too
-# few disparities, and the pitch of KITTI's differs by 0.03 degrees from frame to frame.
+# Terms of third order and the pitch of a LiDAR want this many frames: fewer see too few places with
+# too few disparities, and the pitch of KITTI's differs by 0.03 degrees from frame to frame.
 MIN_FRAMES_FOR_MORE = 3
 # The pitch of a LiDAR is seen where this share of the samples or more rises towards the camera, and
 # as many do not.
@@ -168,6 +170,6 @@ def _not_carried(samples: DisparitySamples, part: Int64, terms: tuple[int, ...])
         return f"tilt and vergence need {MIN_COLUMNS:.0%} of the width; {columns:.0%} is covered"
     if {Y, YY} & set(terms) and rows < MIN_ROWS:
         return f"tilt needs {MIN_ROWS:.0%} of the height; {rows:.0%} is covered"
-    if len(terms) == len(LADDER[-1][1]) and frames < MIN_FRAMES_FOR_MORE:
+    if XXX in terms and frames < MIN_FRAMES_FOR_MORE:
         return f"all terms need {MIN_FRAMES_FOR_MORE} frames; there are {frames}"
     return ""

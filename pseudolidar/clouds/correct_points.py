@@ -30,6 +30,8 @@ UNSTATED_PX = 0.3
 # Systematic error that is left where beams are near, px (68 %): sigma then holds as many errors as
 # on a refined rig (KITTI: 80-90 % within it, 97-99 % within its 95 % radius).
 LEFT_PX = 0.1
+# The beams of one frame carry no more terms of the rig's error than these, the first ones.
+TERMS_OF_BEAMS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +91,7 @@ class MeasuredPoints:
     def corrected(self, known: Known, neighbours: int) -> tuple[Float64, Float64, Float64]:
         """(N,) change of the disparity, px; how far beams tell it; systematic error left, px."""
         features = DisparityCorrection.features(self.d, self.u, self.v, self.rig.left.size_px)
+        features = features[:, :TERMS_OF_BEAMS]
         systematic_px = self.rig.systematic_sigma_px
         error = rig_error(
             features[known.point], known.value, known.sigma, systematic_px=systematic_px

@@ -59,7 +59,7 @@ def shape_of(u: Float64, rig: StereoRig, unknowns: int) -> Float64:
 def correction_coefficients(
     shape_px: Float64, rig: StereoRig, *, depth_factor: float = 1.0
 ) -> Float64:
-    """(8,) of a `DisparityCorrection` that takes the offset off and then stretches depths.
+    """(10,) of a `DisparityCorrection` that takes the offset off and then stretches depths.
 
     Args:
         shape_px: (K,) `offset (1 + x^2)`, and `bend x^2` where given.
@@ -69,7 +69,7 @@ def correction_coefficients(
     half_width = (rig.left.width_px - 1) / 2
     slope = half_width / rig.left.K[0, 0]
     start = (half_width - rig.left.K[0, 2]) / rig.left.K[0, 0]
-    coefficients = np.zeros(8)
+    coefficients = np.zeros(DisparityCorrection.TERMS)
     coefficients[[0, 2, 4]] = start**2, 2 * slope * start, slope**2
     coefficients *= shape_px.sum()
     coefficients[0] += shape_px[0]

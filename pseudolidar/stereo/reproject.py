@@ -15,6 +15,7 @@ from pseudolidar.stereo.depth_points import points_of_depth
 from pseudolidar.structures.arrays import Float32, Float64, UInt8
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame
@@ -185,7 +186,8 @@ def _cloud(frame: StereoFrame, disparity: DisparityMap, settings: Reproject) -> 
 
 def _calibration(rig: StereoRig) -> tuple[Float64, ...]:
     """Q, P_left, P_right, the correction's coefficients, `scale` and `pair` of the kernel."""
-    correction = np.zeros(8) if rig.correction is None else rig.correction.coefficients
+    none = np.zeros(DisparityCorrection.TERMS)
+    correction = none if rig.correction is None else rig.correction.coefficients
     tz_m = forward_offset_m(rig)
     scale = np.stack([rig.sigma_scale.disparities_px, rig.sigma_scale.factors])
     pair = np.array([rig.doffs_px, tz_m / rig.fB_px_m, tz_m, rig.systematic_sigma_px])

@@ -120,7 +120,7 @@ def reproject_pixels(  # type: ignore[no-untyped-def]
         Q: (4, 4).
         L: (3, 4) projection of the left camera.
         R: (3, 4) projection of the right camera.
-        correction: (8,) coefficients of `DisparityCorrection`, zeros for none.
+        correction: (10,) coefficients of `DisparityCorrection`, zeros for none.
         scale: (2, K) disparities px, ascending, and factors on the map's sigma at these.
         pair: (4,) doffs px, tz / fB 1/px, tz m, systematic sigma px.
         gates: (6,) range m, height m, sigma m, sigma relative to range.
@@ -140,13 +140,15 @@ def reproject_pixels(  # type: ignore[no-untyped-def]
     n = 0
     for v in range(height):
         y = v * y_scale - 1.0
-        # offset(x, d) = row0 + x (row1 + x (row2 + x c7)) + c1 d / 50
+        # offset(x, d) = row0 + x (row1 + x (row2 + x (c7 + x c9))) + c1 d / 50
         row0 = correction[0] + y * (correction[3] + y * correction[6])
         row1 = correction[2] + y * correction[5]
+        row2 = correction[4] + y * correction[8]
         for u in range(width):
             d = float64(values[v, u])
             x = u * x_scale - 1.0
-            d -= row0 + x * (row1 + x * (correction[4] + x * correction[7])) + per_px * d
+            bent = row2 + x * (correction[7] + x * correction[9])
+            d -= row0 + x * (row1 + x * bent) + per_px * d
             kept = d + pair[DOFFS] > 0.0
             error_m = 0.0
             if kept:

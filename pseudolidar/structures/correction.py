@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -62,15 +63,15 @@ class SigmaScale:
 class DisparityCorrection:
     """Smooth systematic error of a rig's disparities: `d_true = d - c . phi(d, u, v)`.
 
-    phi = (1, d/50, x, y, x^2, x y, y^2, x^3); x, y are pixel coordinates scaled to [-1, 1] by the
-    image size.
+    phi = (1, d/50, x, y, x^2, x y, y^2, x^3, x^2 y, x^4); x, y are pixel coordinates scaled to
+    [-1, 1] by the image size.
 
     Args:
-        coefficients: (8,) float64, px.
+        coefficients: (10,) float64, px.
         residual_px: systematic error that is left after the correction, one standard deviation.
         origin: what it was fitted to, in words.
         sigma_scale: factor on the matcher's sigma that the pictures it was fitted to ask for.
-        covariance: (8, 8) float64 px^2 of the coefficients, or None where it is not known.
+        covariance: (10, 10) float64 px^2 of the coefficients, or None where it is not known.
         fitted_m: nearest and farthest depth Z that it was fitted to; None where it is not known.
 
     Source: measured on KITTI stereo 2015 against Velodyne; the bias belongs to the rig and not
@@ -84,10 +85,13 @@ class DisparityCorrection:
     covariance: Float64 | None = None
     fitted_m: tuple[float, float] | None = None
 
-    DISPARITY_UNIT_PX = 50.0
+    TERMS: ClassVar[int] = 10
+    DISPARITY_UNIT_PX: ClassVar[float] = 50.0
 
     def __post_init__(self) -> None:
-        check_array("DisparityCorrection", "coefficients", self.coefficients, (8,), np.float64)
+        check_array(
+            "DisparityCorrection", "coefficients", self.coefficients, (self.TERMS,), np.float64
+        )
         if not (np.isfinite(self.coefficients).all() and self.residual_px >= 0):
             raise CalibrationValue(
                 "non-finite coefficients or negative residual", where="correction"
@@ -99,14 +103,17 @@ class DisparityCorrection:
                 where="correction",
             )
         if self.covariance is not None:
-            check_array("DisparityCorrection", "covariance", self.covariance, (8, 8), np.float64)
+            shape = (self.TERMS, self.TERMS)
+            check_array("DisparityCorrection", "covariance", self.covariance, shape, np.float64)
 
     @classmethod
     def features(cls, d: Float64, u: Float64, v: Float64, size_px: tuple[int, int]) -> Float64:
-        """(N, 8) features of disparities `d` at pixels `u`, `v`, each (N,)."""
+        """(N, 10) features of disparities `d` at pixels `u`, `v`, each (N,)."""
         x = 2.0 * u / (size_px[0] - 1) - 1.0
         y = 2.0 * v / (size_px[1] - 1) - 1.0
-        columns = (np.ones_like(x), d / cls.DISPARITY_UNIT_PX, x, y, x * x, x * y, y * y, x**3)
+        xx = x * x
+        smooth = (np.ones_like(x), d / cls.DISPARITY_UNIT_PX, x, y, xx, x * y, y * y, xx * x)
+        columns = (*smooth, xx * y, xx * xx)
         return np.stack(columns, axis=-1)
 
     def offset_px(self, d: Float64, u: Float64, v: Float64, size_px: tuple[int, int]) -> Float64:
@@ -135,7 +142,7 @@ class DisparityCorrection:
         coefficients[1] = self.coefficients[1]
         covariance = self.covariance
         if covariance is not None:
-            factor = np.full(8, ratio)
+            factor = np.full(self.TERMS, ratio)
             factor[1] = 1.0
             covariance = covariance * np.outer(factor, factor)
         return replace(

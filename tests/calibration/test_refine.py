@@ -10,7 +10,7 @@ from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.samples import DisparitySamples
 
 SIZE_PX = (1242, 375)
-PLANTED = np.array([-0.5, 0.7, 0.1, 0.4, -1.1, 0.6, -0.4, -0.6])
+PLANTED = np.array([-0.5, 0.7, 0.1, 0.4, -1.1, 0.6, -0.4, -0.6, 0.2, -0.3])
 NOISE_PX = 0.5
 
 

@@ -24,7 +24,7 @@ from pseudolidar.structures.pose import Pose
 
 WIDTH_PX, HEIGHT_PX = 620, 188
 BEAM_ROWS = tuple(range(72, 184, 7))  # 16 of them
-ERROR = DisparityCorrection(np.array([-0.5, 0.3, 0.2, -0.1, 0.1, 0.05, 0.0, 0.1]), 0.0)
+ERROR = DisparityCorrection(np.array([-0.5, 0.3, 0.2, -0.1, 0.1, 0.05, 0.0, 0.1, 0.0, 0.0]), 0.0)
 
 
 def rig() -> StereoRig:
@@ -110,7 +110,7 @@ def test_a_wrong_surface_is_put_right_by_the_beams_that_meet_it():
     """A patch of the wall that was matched 1.5 px off, as no rig's error is."""
     true = road_and_wall()
     frame = frame_of(scan_of(true, rows=range(20, 80, 4)))
-    off = measured(true, error=DisparityCorrection(np.zeros(8), 0.0))
+    off = measured(true, error=DisparityCorrection(np.zeros(10), 0.0))
     patch = np.zeros(true.shape, bool)
     patch[20:80, 200:330] = True
     off.values[patch] += 1.5

@@ -23,7 +23,7 @@ def test_points_without_a_match_stay_and_count():
 
 def test_the_correction_of_the_rig_is_taken_off_once():
     bare = frame()
-    offset = DisparityCorrection(np.array([-0.625, 0, 0, 0, 0, 0, 0, 0.0]), 0.3)
+    offset = DisparityCorrection(np.array([-0.625, 0, 0, 0, 0, 0, 0, 0, 0, 0.0]), 0.3)
     pair = replace(bare, rig=bare.rig.with_correction(offset))
     matched = DisparityMap(wall().values, np.full((HEIGHT_PX, WIDTH_PX), 0.4, np.float32))
     compared = against_scan(matched, pair)

@@ -69,7 +69,7 @@ def test_no_frame_is_judged_with_a_fit_to_itself():
 
     def remembering(samples: DisparitySamples) -> DisparityCorrection:
         fitted_to.append(set(samples.frame))
-        return DisparityCorrection(np.array([float(min(samples.frame))] + [0.0] * 7), 0.1)
+        return DisparityCorrection(np.array([float(min(samples.frame))] + [0.0] * 9), 0.1)
 
     judged = judge_halves([odd_ones_off_by(10.0, f) for f in frames(4, each=1000)], fit=remembering)
     assert fitted_to == [{0, 2}, {1, 3}]

@@ -22,7 +22,7 @@ def rig(*, correction=None, doffs_px=0.0):
 @pytest.mark.parametrize("doffs_px", [0.0, 30.0, -3.0])
 @pytest.mark.parametrize("corrected", [False, True])
 def test_is_the_exact_depth_in_single_precision(doffs_px, corrected):
-    coefficients = np.array([0.3, 0.1, 0.05, -0.04, 0.02, 0.01, -0.02, 0.03])
+    coefficients = np.array([0.3, 0.1, 0.05, -0.04, 0.02, 0.01, -0.02, 0.03, 0.02, -0.02])
     here = rig(
         correction=DisparityCorrection(coefficients, 0.1) if corrected else None,
         doffs_px=doffs_px,

@@ -151,11 +151,12 @@ def test_slope_is_the_derivative_of_depth(name):
 
 
 def test_correction_is_taken_off():
-    correction = DisparityCorrection(np.array([0.5, 1.0, 0, 0, 0, 0, 0, 0.25]), 0.1)
+    correction = DisparityCorrection(np.array([0.5, 1.0, 0, 0, 0, 0, 0, 0.25, 0.1, -0.2]), 0.1)
     rig = kitti()
     d, u, v = np.array([50.0, 25.0]), np.array([0.0, 1241.0]), np.array([10.0, 20.0])
     np.testing.assert_array_equal(corrected_disparity(d, u, v, rig), d)
-    expected = d - (0.5 + d / 50.0 + 0.25 * np.array([-1.0, 1.0]))
+    x, y = np.array([-1.0, 1.0]), 2 * v / 374 - 1
+    expected = d - (0.5 + d / 50.0 + 0.25 * x**3 + 0.1 * x**2 * y - 0.2 * x**4)
     np.testing.assert_allclose(
         corrected_disparity(d, u, v, rig.with_correction(correction)), expected
     )

@@ -62,7 +62,7 @@ def test_its_error_is_the_one_it_tells() -> None:
 
 def test_the_rig_takes_its_systematic_error_off() -> None:
     seen = pair(20.5)
-    correction = DisparityCorrection(np.array([0.5, 0, 0, 0, 0, 0, 0, 0]), 0.1)
+    correction = DisparityCorrection(np.array([0.5, 0, 0, 0, 0, 0, 0, 0, 0, 0]), 0.1)
     mended = replace(seen, rig=RIG.with_correction(correction))
     raw, found = (patch_depth(one, Detection("region", BOX)) for one in (seen, mended))
     assert FB / found.depth_m == pytest.approx(FB / raw.depth_m - 0.5, abs=1e-6)

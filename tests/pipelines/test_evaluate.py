@@ -129,7 +129,7 @@ def test_a_single_frame_cannot_be_fitted_and_judged(scene, capsys):
 
 
 def test_the_correction_of_a_given_rig_is_not_used(scene, tmp_path):
-    wrong = DisparityCorrection(np.array([5.0] + [0.0] * 7), 3.0)
+    wrong = DisparityCorrection(np.array([5.0] + [0.0] * 9), 3.0)
     write_rig(tmp_path / "rig.json", rig().with_correction(wrong))
     figures = run(job(scene, rig=tmp_path / "rig.json")).as_dict()
     plain = run(job(scene)).as_dict()

@@ -40,7 +40,9 @@ from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 
 WIDTH = 320
-CORRECTION = DisparityCorrection(np.array([0.3, 0.2, -0.1, 0.05, 0.2, 0.1, -0.05, 0.1]), 0.2)
+CORRECTION = DisparityCorrection(
+    np.array([0.3, 0.2, -0.1, 0.05, 0.2, 0.1, -0.05, 0.1, 0.1, -0.1]), 0.2
+)
 
 
 @pytest.fixture(scope="module")

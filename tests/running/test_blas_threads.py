@@ -25,7 +25,7 @@ xyz = np.stack([(u - 609.5) / 721.5 * z, (v - 172.9) / 721.5 * z, z], axis=-1)
 uv = np.stack([u, v], axis=-1).reshape(-1, 2).astype(np.float32)
 cloud = PointCloud(xyz.reshape(-1, 3).astype(np.float32), "camera_left", uv=uv)
 tree = (Pose.from_rotation("velodyne", "camera_left", R_BODY_OPTICAL, np.zeros(3)),)
-correction = DisparityCorrection(rng.normal(size=8), 0.1)
+correction = DisparityCorrection(rng.normal(size=10), 0.1)
 pixels = (700 / z.ravel(), u.ravel(), v.ravel())
 lengths = (100_001, 200_003, z.size)
 offsets = [correction.offset_px(*(c[:n] for c in pixels), (1242, 375)) for n in lengths]

@@ -160,7 +160,7 @@ def posed(rig: StereoRig) -> StereoRig:
 
 def test_rig_replaces_cameras_and_keeps_the_velodyne(tmp_path: Path) -> None:
     source = source_of(tmp_path / "a", TEN, posed(rig_of()))
-    correction = DisparityCorrection(np.arange(8.0), 0.2)
+    correction = DisparityCorrection(np.arange(10.0), 0.2)
     given = rig_of(baseline_m=0.2, left={"fx": 61, "cx": 30, "cy": 24}, origin="refined")
     seen = with_rig(source, given.with_correction(correction))
     for rig in (seen.rig, pickle.loads(pickle.dumps(seen)).load(3).rig):
@@ -216,7 +216,7 @@ class OneFrame:
 def test_rig_of_another_size(tmp_path: Path) -> None:
     source = source_of(tmp_path / "a", TEN)
     half = rig_of(width_px=32, height_px=24, left={"fx": 30, "cx": 16, "cy": 12})
-    half = half.with_correction(DisparityCorrection(np.ones(8), 0.25))
+    half = half.with_correction(DisparityCorrection(np.ones(10), 0.25))
     with pytest.raises(CalibrationSizeMismatch) as caught:
         with_rig(source, half)
     assert "32x24" in caught.value.got

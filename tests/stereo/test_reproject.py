@@ -17,7 +17,7 @@ from pseudolidar.structures.pose import Pose
 WIDTH_PX, HEIGHT_PX = 124, 37
 EVERYTHING = Reproject(max_range_m=1e9)
 CORRECTION = DisparityCorrection(
-    np.array([0.5, 0.1, -0.2, 0.1, 0.3, -0.1, 0.2, 0.4]),
+    np.array([0.5, 0.1, -0.2, 0.1, 0.3, -0.1, 0.2, 0.4, -0.3, 0.25]),
     0.1,
     sigma_scale=SigmaScale(np.array([2.0, 5.0, 9.0]), np.array([0.5, 1.5, 0.8])),
 )
@@ -95,7 +95,7 @@ def test_points_project_back_to_pixel_and_corrected_disparity():
 
 
 def test_disparities_beyond_infinity_give_no_point():
-    of = rig(tz_m=0.0, correction=DisparityCorrection(np.array([2.0] + [0.0] * 7), 0.1))
+    of = rig(tz_m=0.0, correction=DisparityCorrection(np.array([2.0] + [0.0] * 9), 0.1))
     values = np.full((HEIGHT_PX, WIDTH_PX), np.nan, np.float32)
     values[3, 4], values[3, 5], values[3, 6], values[3, 7] = 2.0, 1.9, -1.0, 2.1
     cloud = EVERYTHING.load()(frame(of), DisparityMap(values))

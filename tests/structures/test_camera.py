@@ -133,7 +133,7 @@ def test_eyes_of_two_sizes_are_resized_by_the_same_ratios():
 
 
 def test_correction_grows_with_the_images():
-    coefficients = np.array([0.3, -0.2, 0.1, 0.05, -0.04, 0.03, 0.02, -0.01])
+    coefficients = np.array([0.3, -0.2, 0.1, 0.05, -0.04, 0.03, 0.02, -0.01, 0.02, 0.01])
     correction = DisparityCorrection(coefficients, residual_px=0.2)
     small = rig(correction=correction)
     large = small.scaled_to(2 * WIDTH, 2 * HEIGHT)

@@ -43,6 +43,8 @@ LARGEST_BASELINE_M = 10.0
 FARTHEST_SENSOR_M = 50.0
 # More than 6 degrees are no error of a LiDAR's calibration.
 LARGEST_PITCH_RAD = 0.1
+# So many coefficients corrections had before the last two came.
+EARLIER_TERMS = 8
 # Cameras this near to each other are at one place.
 NOWHERE_M = 1e-9
 
@@ -196,17 +198,26 @@ def correction(node: Node) -> DisparityCorrection:
         node, ("coefficients", "residual_px"), ("origin", "sigma_scale", "covariance", "fitted_m")
     )
     nearest_m, farthest_m = numbers(fields["fitted_m"], 2) if "fitted_m" in fields else (0.0, 0.0)
+    held = fields["coefficients"].value
+    terms = EARLIER_TERMS if isinstance(held, tuple) and len(held) == EARLIER_TERMS else None
+    terms = terms or DisparityCorrection.TERMS
     try:
         return DisparityCorrection(
-            numbers(fields["coefficients"], 8),
+            _all_terms(numbers(fields["coefficients"], terms)),
             number(fields["residual_px"]),
             text(fields["origin"]) if "origin" in fields else "",
             _sigma_scale(fields["sigma_scale"]) if "sigma_scale" in fields else SigmaScale(),
-            matrix(fields["covariance"], 8) if "covariance" in fields else None,
+            _all_terms(matrix(fields["covariance"], terms)) if "covariance" in fields else None,
             (float(nearest_m), float(farthest_m)) if "fitted_m" in fields else None,
         )
     except CalibrationValue as error:
         raise at_node(error, fields["residual_px"]) from None
+
+
+def _all_terms(values: Float64) -> Float64:
+    """Coefficients or their covariance with all terms: 0 for those that a file has not."""
+    missing = DisparityCorrection.TERMS - len(values)
+    return np.pad(values, (0, missing))
 
 
 def _sigma_scale(node: Node) -> SigmaScale:

@@ -58,7 +58,7 @@ def full_rig(*, rectified: bool) -> StereoRig:
         ),
         T_velodyne_imu=Pose.from_rotation("velodyne", "imu", rotation(2), rng.normal(size=3)),
         lidar_pitch_rad=1e-3 / 3,
-        correction=DisparityCorrection(rng.normal(size=8) / 3, 0.1 + 0.2, "22 frames, Velodyne"),
+        correction=DisparityCorrection(rng.normal(size=10) / 3, 0.1 + 0.2, "22 frames, Velodyne"),
         rows=RowCorrection(rng.normal(size=9) / 3, 0.1 + 0.7, "matches of 22 frames"),
         origin='KITTI 2011_09_26, "größer" \n\udcff',
     )
@@ -366,7 +366,7 @@ def test_schema_accepts_what_is_written_and_refuses_mistakes() -> None:
 def test_the_uncertainty_of_a_correction_stays(tmp_path: Path) -> None:
     rig = full_rig(rectified=True)
     assert rig.correction is not None
-    half = np.random.default_rng(1).normal(size=(8, 8))
+    half = np.random.default_rng(1).normal(size=(10, 10))
     scale = SigmaScale(np.array([6.5, 15.0, 40.0]), np.array([0.6, 0.9, 0.7]))
     known = replace(
         rig.correction, sigma_scale=scale, covariance=half @ half.T, fitted_m=(4.5, 78.25)
@@ -398,3 +398,18 @@ def test_an_impossible_factor_on_sigma_is_refused(scale: str) -> None:
     assert f'"sigma_scale": {scale}' in text
     with pytest.raises(CalibrationValue, match="sigma_scale"):
         parse_rig(text, "rig.json")
+
+
+def test_a_correction_of_eight_coefficients_has_none_of_the_last_two(tmp_path):
+    """Rig files had eight before x^2 y and x^4 came."""
+    half = np.random.default_rng(3).normal(size=(8, 8))
+    earlier = {
+        "coefficients": list(range(1, 9)),
+        "residual_px": 0.1,
+        "covariance": (half @ half.T).tolist(),
+    }
+    (tmp_path / "rig.json").write_text(json.dumps(changed(correction=earlier)))
+    correction = read_rig(tmp_path / "rig.json").correction
+    assert correction.coefficients.tolist() == [*range(1, 9), 0, 0]
+    assert np.allclose(correction.covariance[:8, :8], half @ half.T)
+    assert not correction.covariance[8:].any()

@@ -13,7 +13,7 @@ from pseudolidar.structures.camera import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from tests.evaluation.test_lidar import HEIGHT_PX, WIDTH_PX, frame, wall
 
-CORRECTION = DisparityCorrection(np.linspace(-0.3, 0.4, 8), 0.21, "test")
+CORRECTION = DisparityCorrection(np.linspace(-0.3, 0.4, 10), 0.21, "test")
 
 
 @pytest.mark.parametrize("rich", [True, False])

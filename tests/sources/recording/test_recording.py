@@ -275,7 +275,7 @@ def test_pairs_of_this_package_are_the_frames_with_their_whole_rig(
     tmp_path: Path, drive: list[StereoFrame]
 ) -> None:
     """The disparity correction is in the attached rig alone; PNG keeps the pictures."""
-    correction = DisparityCorrection(np.linspace(-0.3, 0.4, 8), 0.1, "test")
+    correction = DisparityCorrection(np.linspace(-0.3, 0.4, 10), 0.1, "test")
     frames = [replace(f, rig=f.rig.with_correction(correction), pose=None) for f in drive]
     write_own(tmp_path / "a.mcap", frames, images="png")
     source = Recording(str(tmp_path / "a.mcap"), take="pairs").open()

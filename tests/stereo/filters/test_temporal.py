@@ -144,7 +144,7 @@ def test_earlier_frames_that_disagree_fill_nothing():
 def test_the_rigs_systematic_error_is_taken_off_before_metres_are_compared():
     """A wall with an offset of 3 px: without the correction its depth and motion are wrong."""
     world = Walls(step_m=1.0)
-    correction = DisparityCorrection(np.array([3.0, 0, 0, 0, 0, 0, 0, 0]), 0.1)
+    correction = DisparityCorrection(np.array([3.0, 0, 0, 0, 0, 0, 0, 0, 0, 0]), 0.1)
 
     class Corrected(Walls):
         def load(self, index):
