@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.obstacles.sight import Sight
-from pseudolidar.structures.arrays import Bool, Float64, Int64
+from pseudolidar.structures.arrays import Bool, Float32, Float64, Int64
 from pseudolidar.structures.box import Detection
 
 # Around the middle of a box, this share of its sides shows the object most surely; what lies
@@ -15,6 +15,9 @@ from pseudolidar.structures.box import Detection
 INNER_SHARE, RIM_WEIGHT = 0.8, 0.25
 # Pixels this close to the ground belong to it, m; of a thing that stands on it.
 ABOVE_GROUND_M = 0.2
+# A plane that was fitted to nearer ground is not where the ground is beyond this, m: there the lower
+# edge of the box tells what stands above it, to so many px.
+PLANE_REACHES_M, FOOT_PX = 35.0, 3.0
 # Where less than this share of the box stands above the ground, the ground is kept: it is no
 # plane there, or the thing lies on it.
 LEAST_STANDING = 0.05
@@ -71,6 +74,7 @@ def frustum_of(sight: Sight, detection: Detection) -> Frustum:
     standing = inside & (heights > ABOVE_GROUND_M)
     if sight.is_ground is not None:
         standing &= ~sight.is_ground[rows, columns]
+    standing |= inside & _above_foot(sight, detection, rows, depth)
     if np.count_nonzero(standing) > LEAST_STANDING * standing.size:
         inside = standing
     weight = _weights(detection, rows, columns)
@@ -108,6 +112,13 @@ def _heights_m(sight: Sight, rows: slice, columns: slice) -> Float64:
     up = -xyz[:, :, 1]
     lowest = np.nanmin(up) if np.isfinite(up).any() else 0.0
     return np.asarray(up - lowest + ABOVE_GROUND_M)
+
+
+def _above_foot(sight: Sight, detection: Detection, rows: slice, depth: Float32) -> Bool:
+    """(h, w) far pixels that are higher than where the thing of this box stands."""
+    px_per_m = sight.camera.K[1, 1] / depth
+    above_px = detection.box_px[3] - np.arange(rows.start, rows.stop)[:, None]
+    return (depth > PLANE_REACHES_M) & (above_px > ABOVE_GROUND_M * px_per_m + FOOT_PX)
 
 
 def _weights(detection: Detection, rows: slice, columns: slice) -> Float64:
