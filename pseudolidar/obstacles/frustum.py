@@ -15,8 +15,8 @@ from pseudolidar.structures.box import Detection
 INNER_SHARE, RIM_WEIGHT = 0.8, 0.25
 # Pixels this close to the ground belong to it, m; of a thing that stands on it.
 ABOVE_GROUND_M = 0.2
-# A plane that was fitted to nearer ground is not where the ground is beyond this, m: there the lower
-# edge of the box tells what stands above it, to so many px.
+# A plane that was fitted to nearer ground is not where the ground is beyond this, m: there the
+# lower edge of the box tells what stands above it, to so many px.
 PLANE_REACHES_M, FOOT_PX = 35.0, 3.0
 # Where less than this share of the box stands above the ground, the ground is kept: it is no
 # plane there, or the thing lies on it.
@@ -118,7 +118,8 @@ def _above_foot(sight: Sight, detection: Detection, rows: slice, depth: Float32)
     """(h, w) far pixels that are higher than where the thing of this box stands."""
     px_per_m = sight.camera.K[1, 1] / depth
     above_px = detection.box_px[3] - np.arange(rows.start, rows.stop)[:, None]
-    return (depth > PLANE_REACHES_M) & (above_px > ABOVE_GROUND_M * px_per_m + FOOT_PX)
+    higher = above_px > ABOVE_GROUND_M * px_per_m + FOOT_PX
+    return np.asarray((depth > PLANE_REACHES_M) & higher)
 
 
 def _weights(detection: Detection, rows: slice, columns: slice) -> Float64:

@@ -408,7 +408,7 @@ def test_a_correction_of_eight_coefficients_has_none_of_the_last_two(tmp_path):
         "residual_px": 0.1,
         "covariance": (half @ half.T).tolist(),
     }
-    (tmp_path / "rig.json").write_text(json.dumps(changed(correction=earlier)))
+    (tmp_path / "rig.json").write_text(changed(correction=earlier))
     correction = read_rig(tmp_path / "rig.json").correction
     assert correction.coefficients.tolist() == [*range(1, 9), 0, 0]
     assert np.allclose(correction.covariance[:8, :8], half @ half.T)
