@@ -186,7 +186,7 @@ def _check_increasing(path: Path, times_ns: Int64, rows: Sequence[TextLine] | No
         return
     index = int(wrong[0]) + 1
     step_s = int(times_ns[index] - times_ns[index - 1]) / NS_PER_S
-    told = f"{-step_s:.9g} s before the one before it" if step_s else "the same as before it"
+    told = f"{-step_s:.9g} s before the one before it" if step_s else "that of the one before it"
     more = f"; {len(wrong)} such in all" if len(wrong) > 1 else ""
     raise SequenceTime(
         f"the time of pose {index} (from 0) is {told}{more}",

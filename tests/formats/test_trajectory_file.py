@@ -98,7 +98,12 @@ def test_forms_are_told_by_content(tmp_path, text, form):
         (f"{EUROC_ROW}\n15.5,1,2,3,1,0,0,0", PoseFileError, "line 2, column 1", "'15.5'"),
         (f"{EUROC_ROW}\n2500000000,1,x,3,1,0,0,0", PoseFileError, "line 2, column 14", "'x'"),
         (f"{EUROC_ROW}\n2500000000,1,2,3,1,0,0", PoseFileError, "line 2", "7 columns"),
-        (f"# c\n{TUM_ROW}\n1.5 1 2 3 0 0 0 1", SequenceTime, "line 3", "the same"),
+        (
+            f"# c\n{TUM_ROW}\n1.5 1 2 3 0 0 0 1",
+            SequenceTime,
+            "line 3",
+            "is that of the one",
+        ),
         (f"{TUM_ROW}\n2 1 2 3 0 0 0 1\n1 1 2 3 0 0 0 1", SequenceTime, "line 3", "pose 2"),
         (f"#h\n{EUROC_ROW}\n15,1,2,3,1,0,0,0", SequenceTime, "line 3", "1.49999999 s before"),
     ],

@@ -13,6 +13,7 @@ import pytest
 from onnx import TensorProto, helper
 
 from pseudolidar.cli import main
+from pseudolidar.formats.euroc_poses import write_euroc_trajectory
 from pseudolidar.formats.pictures.disparity_png import write_disparity_png
 from pseudolidar.formats.points.npz import write_npz
 from pseudolidar.formats.points.pcd import write_pcd
@@ -151,6 +152,7 @@ def test_single_files(drive, tmp_path, capsys):
     poses[:, 2, 3] = (0, 1, 3)
     write_kitti_poses(tmp_path / "kitti.txt", poses)
     write_tum_trajectory(tmp_path / "tum.txt", [10**9, 2 * 10**9, 3 * 10**9], poses)
+    write_euroc_trajectory(tmp_path / "euroc.csv", [10**9, 2 * 10**9, 3 * 10**9], poses)
     (tmp_path / "times.txt").write_text("0\n0.5\n1.0\n")
     (tmp_path / "label.txt").write_text(
         "Car 0.00 0 -1.58 587.01 173.33 614.12 200.12 1.65 1.67 3.64 -0.65 1.71 46.70 -1.59\n"
@@ -163,17 +165,23 @@ def test_single_files(drive, tmp_path, capsys):
         [helper.make_tensor_value_info("b", TensorProto.FLOAT, [1, 3, 8, 8])],
     )
     onnx.save(helper.make_model(graph), tmp_path / "net.onnx")
-    names = ("wide.png", "disparity.png", "kitti.txt", "tum.txt", "times.txt", "label.txt",
-             "K.txt", "net.onnx")  # fmt: skip
+    names = ("wide.png", "disparity.png", "kitti.txt", "tum.txt", "euroc.csv", "times.txt",
+             "label.txt", "K.txt", "net.onnx")  # fmt: skip
     code, found, text = info(capsys, *(tmp_path / n for n in names), drive / "rig.json")
     assert code == 0
     kinds = [each["kind"] for each in found]
-    assert kinds == ["picture", "picture", "trajectory", "trajectory", "times", "labels",
-                     "calibration", "network", "calibration"]  # fmt: skip
+    assert kinds == ["picture", "picture", "trajectory", "trajectory", "trajectory",
+                     "times", "labels", "calibration", "network", "calibration"]  # fmt: skip
     by_name = dict(zip((*names, "rig.json"), found, strict=True))
     assert (by_name["wide.png"]["width_px"], by_name["wide.png"]["bits"]) == (40, 8)
     assert (by_name["kitti.txt"]["poses"], by_name["kitti.txt"]["path_m"]) == (3, 3.0)
-    assert by_name["tum.txt"]["times"]["rate_hz"] == 1.0
+    assert by_name["kitti.txt"]["times"]["span_s"] == 1.0  # of times.txt
+    for name, form in (("tum.txt", "TUM"), ("euroc.csv", "EuRoC")):
+        assert form in by_name[name]["what"]
+        assert by_name[name]["times"]["rate_hz"] == 1.0
+        assert by_name[name]["mean_speed_m_s"] == 1.5
+        assert by_name[name]["largest_speed_m_s"] == 2.0
+    assert "largest speed, m/s" in text
     assert by_name["times.txt"]["times"]["span_s"] == 1.0
     assert by_name["label.txt"]["objects"] == {"Car": 1}
     assert by_name["K.txt"]["rig"]["width_px"] is None

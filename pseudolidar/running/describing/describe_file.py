@@ -15,10 +15,10 @@ from pseudolidar.errors import (
     CalibrationSyntax,
     LabelError,
     PointFileCorrupt,
-    PoseFileError,
     SequenceTime,
 )
 from pseudolidar.evaluation.map_files import read_map
+from pseudolidar.evaluation.trajectory.motions import angles_rad, motions, path_lengths
 from pseudolidar.formats.labels import read_labels
 from pseudolidar.formats.onnx.model import read_onnx
 from pseudolidar.formats.oxts import read_oxts
@@ -29,13 +29,11 @@ from pseudolidar.formats.rigs.body_json import MARK, has_pairs, read_body
 from pseudolidar.formats.rigs.key_values import read_key_values
 from pseudolidar.formats.rigs.rig_file import read_any_rig
 from pseudolidar.formats.text import NUMBER, read_lines
-from pseudolidar.formats.timestamps import read_times, read_timestamps
-from pseudolidar.formats.trajectory import read_kitti_poses
-from pseudolidar.formats.tum import read_tum_trajectory
+from pseudolidar.formats.timestamps import NS_PER_S, read_times, read_timestamps
+from pseudolidar.formats.trajectory_file import POSE_SUFFIXES, read_trajectory
 from pseudolidar.running.describing.column_figures import ColumnFigures
 from pseudolidar.running.describing.describe_source import rig_facts, time_facts
-from pseudolidar.running.describing.description import lines_before
-from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.arrays import Float64, Int64
 from pseudolidar.structures.body import MountedPair
 from pseudolidar.structures.pose import Pose, rotation_error
 
@@ -45,8 +43,6 @@ _ANY_SIZE_PX = (100_000, 100_000)
 _RIG_SUFFIXES = {".json", ".yaml", ".yml", ".xml", ".txt"}
 _PICTURES = set().union(*EXTENSIONS.values())
 ROTATION_TOLERANCE = 1e-3
-# KITTI's poses are 12 numbers a line, TUM's 8.
-_POSE_SUFFIXES = {".txt", ".csv", ".tum"}
 
 
 @dataclass(frozen=True)
@@ -230,26 +226,38 @@ def _labels(path: Path) -> Found:
 
 
 def _trajectory(path: Path) -> Found:
-    try:
-        times, poses = read_tum_trajectory(path)
-    except PoseFileError as tum:
-        try:
-            times, poses = (), read_kitti_poses(path)
-        except PoseFileError as kitti:
-            raise max(kitti, tum, key=lambda error: lines_before(error.where)) from None
-    if not len(poses):
-        raise PoseFileError("no pose", want="a line for each pose", path=path)
-    steps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0), axis=1)
+    found = read_trajectory(path)
+    poses = found.T_world_body
+    steps_m = np.diff(path_lengths(poses))
     facts: dict[str, Any] = {
         "poses": len(poses),
-        "path_m": float(steps.sum()),
-        "largest_step_m": float(steps.max()) if len(steps) else 0.0,
+        "path_m": float(steps_m.sum()),
+        "start_to_end_m": float(np.linalg.norm(poses[-1, :3, 3] - poses[0, :3, 3])),
+        "largest_step_m": float(steps_m.max()) if len(steps_m) else 0.0,
+        "largest_turn_deg": _largest_turn_deg(poses),
         "bounding_box_m": _extent(poses),
     }
-    if times:
-        facts["times"] = time_facts(times, [str(i) for i in range(len(times))])
-    form = "TUM" if times else "KITTI"
-    return f"a trajectory of {len(poses)} poses ({form})", facts, ()
+    if found.times_ns is not None:
+        times_ns = found.times_ns.tolist()
+        facts["times"] = time_facts(times_ns, [str(i) for i in range(len(times_ns))])
+        facts |= _speeds(steps_m, found.times_ns)
+    return f"a trajectory of {len(poses)} poses ({found.form})", facts, found.notes
+
+
+def _largest_turn_deg(poses: Float64) -> float:
+    """Of one pose to the next."""
+    turns = angles_rad(motions(poses[:-1], poses[1:]))
+    return float(np.degrees(turns.max())) if len(turns) else 0.0
+
+
+def _speeds(steps_m: Float64, times_ns: Int64) -> dict[str, float]:
+    if not len(steps_m):
+        return {}
+    steps_s = np.diff(times_ns) / NS_PER_S
+    return {
+        "mean_speed_m_s": float(steps_m.sum() / steps_s.sum()),
+        "largest_speed_m_s": float((steps_m / steps_s).max()),
+    }
 
 
 def _extent(poses: Float64) -> dict[str, list[float]]:
@@ -288,7 +296,7 @@ FILES = (
     FileKind("network", _has(".onnx"), _network, _hashed),
     FileKind("picture", _is_picture, _picture, _map_figures),
     FileKind("map", _has(".pfm", ".npy"), _map),
-    FileKind("trajectory", _has(*_POSE_SUFFIXES), _trajectory),
+    FileKind("trajectory", _has(*POSE_SUFFIXES), _trajectory),
     FileKind("labels", _has(".txt"), _labels),
     FileKind("times", _has(".txt"), _times),
     FileKind("calibration", _has(*_RIG_SUFFIXES), _rig),

@@ -254,9 +254,9 @@ def _figure_rows(figures: dict[str, Any]) -> Iterable[tuple[str, str]]:
 
 def _title(name: str) -> str:
     """A name with its unit apart."""
-    for unit in ("m", "px", "deg"):
+    for unit in ("m_s", "m", "px", "deg"):
         if name.endswith(f"_{unit}"):
-            return f"{_title(name.removesuffix(f'_{unit}'))}, {unit}"
+            return f"{_title(name.removesuffix(f'_{unit}'))}, {unit.replace('_', '/')}"
     return name.replace("_", " ").replace("kitti", "KITTI")
 
 
