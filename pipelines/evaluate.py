@@ -383,7 +383,10 @@ def judge_poses(job: Evaluate) -> TrajectoryReport:
         UsageError: a source that holds no poses.
     """
     if isinstance(job.source, Maps | Synthetic):
-        raise UsageError("no poses", want="a file of poses (TUM, KITTI, EuRoC)")
+        found = "disparity maps" if isinstance(job.source, Maps) else "a rendered world"
+        raise UsageError(
+            f"{found} to be judged as a trajectory", want="a file of poses (TUM, KITTI, EuRoC)"
+        )
     if job.report is not None:
         check_new_file(job.report, overwrite=job.overwrite, flag="--report")
     judging = TrajectoryJudging(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -16,8 +16,13 @@ from pseudolidar.evaluation.trajectory.motions import (
     path_lengths,
 )
 from pseudolidar.evaluation.trajectory.pairing import PairedPoses
-from pseudolidar.evaluation.trajectory.segments import SegmentLengths, Segments, segment_errors
-from pseudolidar.evaluation.trajectory.steps import RpeSteps
+from pseudolidar.evaluation.trajectory.segments import (
+    ANY_LENGTHS,
+    SegmentLengths,
+    Segments,
+    segment_errors,
+)
+from pseudolidar.evaluation.trajectory.steps import DEFAULT_STEPS, RpeSteps
 from pseudolidar.geometry.similarity import Similarity, similarity_of
 from pseudolidar.structures.arrays import Float64, Int64
 
@@ -77,6 +82,18 @@ class TrajectoryErrors:
         true, own = (motions(T[ends[0]], T[ends[1]]) for T in (self.reference, self.aligned))
         return float(lengths(motions(true, own))[0] / self.length_m) if self.length_m else None
 
+    def summary(self) -> dict[str, Any]:
+        """What other commands tell of a trajectory that they made, where its truth is known."""
+        return {
+            "frames": len(self.pairs),
+            "length_m": self.length_m,
+            "end_error_rel": self.end_error_rel,
+            "t_rel": self.segments.mean_t_rel,
+            "segments_m": list(self.segments.lengths_m) or [self.length_m],
+            "r_rel_deg_per_m": self.segments.mean_r_rel_deg_per_m,
+            "ape_rmse_m": float(np.sqrt(np.mean(self.ape_m**2))),
+        }
+
     @property
     def reference(self) -> Float64:
         """(N, 4, 4) the reference's poses."""
@@ -84,7 +101,11 @@ class TrajectoryErrors:
 
 
 def judge_trajectory(
-    pairs: PairedPoses, *, align: Alignment, steps: Sequence[RpeSteps], segments: SegmentLengths
+    pairs: PairedPoses,
+    *,
+    align: Alignment = "se3",
+    steps: Sequence[RpeSteps] = DEFAULT_STEPS.each,
+    segments: SegmentLengths = ANY_LENGTHS,
 ) -> TrajectoryErrors:
     """Align, then compare poses, motions and segments.
 

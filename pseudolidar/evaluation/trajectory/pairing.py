@@ -73,6 +73,14 @@ class PairedPoses:
     largest_difference_s: float | None = None
     notes: tuple[str, ...] = ()
 
+    @classmethod
+    def of_frames(
+        cls, T_world_estimate: Float64, T_world_reference: Float64, times_ns: Int64 | None = None
+    ) -> PairedPoses:
+        """Poses (N, 4, 4) of the same frames, at (N,) times."""
+        n = len(T_world_estimate)
+        return cls(T_world_estimate, T_world_reference, times_ns, "index", n, n)
+
     def __len__(self) -> int:
         return len(self.T_world_estimate)
 

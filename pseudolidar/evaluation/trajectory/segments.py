@@ -68,6 +68,9 @@ class SegmentLengths:
         return NAMES[reached[0]] if reached else ()
 
 
+ANY_LENGTHS = SegmentLengths()
+
+
 @dataclass(frozen=True, eq=False)
 class Segments:
     """Errors of segments.

@@ -108,6 +108,7 @@ def _drift_rows(report: TrajectoryReport) -> list[tuple[str, ...]]:
             degrees(row.r_rel_deg_per_m),
         )
         for row in report.errors.segments.by_length()
+        if row.n
     ]
 
 

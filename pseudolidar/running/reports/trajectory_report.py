@@ -116,9 +116,10 @@ class TrajectoryReport:
         errors, drift = self.errors, self.errors.segments
         lines = [self.subject, self.pairing_line, self.alignment_line, self.table, self.drift_line]
         lines += [
-            f"  {row.length_m:5.0f} m  {row.n:5d} segments  {percent(row.t_rel):>8}  "
+            f"  {row.length_m:5.0f} m  {counted(row.n, 'segment'):>14}  {percent(row.t_rel):>8}  "
             f"{degrees(row.r_rel_deg_per_m)} deg/m"
             for row in drift.by_length()
+            if row.n
         ]
         if errors.end_error_rel is not None:
             lines.append(f"at the end off by {percent(errors.end_error_rel)} of the path")

@@ -10,7 +10,7 @@ import pytest
 from pseudolidar.errors import UsageError
 from pseudolidar.evaluation.trajectory.judge import TrajectoryErrors, judge_trajectory
 from pseudolidar.evaluation.trajectory.motions import angles_rad
-from pseudolidar.evaluation.trajectory.pairing import TimePairing, paired
+from pseudolidar.evaluation.trajectory.pairing import PairedPoses, TimePairing, paired
 from pseudolidar.evaluation.trajectory.segments import SegmentLengths, segment_errors
 from pseudolidar.evaluation.trajectory.steps import RpeChoice, RpeSteps
 from pseudolidar.geometry.twists import exp_twist
@@ -122,6 +122,22 @@ def test_segments_are_as_long_as_the_path_allows(poses, metres):
     assert len(errors.segments) > 0
     if not metres:
         assert errors.segments.mean_t_rel == pytest.approx(errors.end_error_rel)
+
+
+def test_the_summary_holds_the_figures_of_the_report():
+    truth = winding(60)
+    estimate = drifting(truth)
+    found = judge_trajectory(PairedPoses.of_frames(estimate, truth)).summary()
+    errors = judged(estimate, truth)
+    assert found.pop("ape_rmse_m") == pytest.approx(np.sqrt(np.mean(errors.ape_m**2)))
+    assert found == {
+        "frames": 60,
+        "length_m": errors.length_m,
+        "end_error_rel": errors.end_error_rel,
+        "t_rel": errors.segments.mean_t_rel,
+        "segments_m": [10, 20, 30, 40],
+        "r_rel_deg_per_m": errors.segments.mean_r_rel_deg_per_m,
+    }
 
 
 def test_what_does_not_move_has_no_drift():
