@@ -9,14 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pseudolidar.geometry.grey import grey8_pair
+from pseudolidar.geometry.grey import grey8_pair, rgb8, shift_to_8_bits
 from pseudolidar.geometry.triangulation import (
     corrected_disparity,
     depth_from_disparity,
     depth_per_disparity,
 )
 from pseudolidar.obstacles.sight import Sight
-from pseudolidar.structures.arrays import Float32, Float64
+from pseudolidar.structures.arrays import Float32, Float64, Image, UInt8
 from pseudolidar.structures.box import Detection
 from pseudolidar.structures.camera import StereoRig
 
@@ -26,8 +26,9 @@ MOST_SIDE_PX = 128
 BORDER_FROM_PX, LEAST_SIDE_PX = 6, 3
 # Levels of grey that a patch must vary by, and the correlation that finds it.
 LEAST_CONTRAST, LEAST_CORRELATION = 3.0, 0.75
-# A second place that is as good within this makes it unsure, unless it lies beside the first.
-UNIQUE, BESIDE_PX = 0.04, 2
+# A second place that is as good within this makes it unsure, unless it lies beside the first; a
+# place whose mean colour differs by so many levels is none.
+UNIQUE, BESIDE_PX, COLOUR_LEVELS = 0.04, 2, 12.0
 ROUNDS, SMALL_STEP_PX, FARTHEST_PX = 30, 1e-3, 1.5
 # Least noise of a picture, levels; errors of neighbours are alike; and what interpolation costs.
 LEAST_NOISE, ALIKE, INTERPOLATION_PX = 1.0, 1.5, 0.02
@@ -58,14 +59,17 @@ def patch_depth(sight: Sight, detection: Detection) -> PatchDepth | None:
         return None
     rows, columns = window
     left, right = (one.astype(np.float32) for one in grey8_pair(sight.image, sight.right))
-    patch = left[rows, columns]
+    patch, width = left[rows, columns], columns.stop - columns.start
     if float(patch.std()) < LEAST_CONTRAST:
         return None
-    place = _found(patch, right[rows][:, : columns.stop])
+    left_means, right_means = _mean_colours(sight.image, sight.right, rows, width)
+    off = np.abs(right_means - left_means[columns.start]).max(axis=1)
+    place = _found(patch, right[rows][:, : columns.stop], off)
     if place is None:
         return None
     at, correlation = place
-    back = _found(right[rows, at : at + patch.shape[1]], left[rows][:, at:])
+    off = np.abs(left_means[at:] - right_means[at]).max(axis=1)
+    back = _found(right[rows, at : at + width], left[rows][:, at:], off)
     if back is None or abs(at + back[0] - columns.start) > BESIDE_PX:
         return None
     disparity_px = float(columns.start - at)
@@ -93,11 +97,35 @@ def _window(sight: Sight, detection: Detection) -> tuple[slice, slice] | None:
     return None if rows is None or columns is None else (rows, columns)
 
 
-def _found(patch: Float32, strip: Float32) -> tuple[int, float] | None:
-    """Column at which the strip looks like the patch most, and how much; None if others do too."""
+def _mean_colours(image: Image, other: Image, rows: slice, width: int) -> tuple[Float64, Float64]:
+    """(W - width + 1, 3) mean of each window of these rows in the left and in the right picture.
+
+    In 8 bits, the right picture as bright in every colour, on the whole, as the left one.
+    """
+    shift = shift_to_8_bits(image, other)
+    left, right = (rgb8(eye, shift) for eye in (image, other))
+    gain = left.mean(axis=(0, 1)) / np.maximum(right.mean(axis=(0, 1)), 1.0)
+    return _window_means(left[rows], width), gain * _window_means(right[rows], width)
+
+
+def _window_means(strip: UInt8, width: int) -> Float64:
+    columns = strip.mean(axis=0, dtype=np.float64)
+    sums = np.cumsum(np.vstack([np.zeros(columns.shape[1]), columns]), axis=0)
+    return np.asarray((sums[width:] - sums[:-width]) / width)
+
+
+def _found(patch: Float32, strip: Float32, colour_off: Float64) -> tuple[int, float] | None:
+    """Column at which the strip looks like the patch most, and how much; None if others do too.
+
+    Args:
+        patch: (h, w) grey.
+        strip: (h, W) grey.
+        colour_off: (W - w + 1 or more,) levels by which the mean colour of a place differs.
+    """
     import cv2
 
     scores = cv2.matchTemplate(strip, patch, cv2.TM_CCOEFF_NORMED)[0]
+    scores[colour_off[: len(scores)] > COLOUR_LEVELS] = -1.0
     best = int(np.argmax(scores))
     others = scores.copy()
     others[max(0, best - BESIDE_PX) : best + BESIDE_PX + 1] = -1.0

@@ -79,3 +79,20 @@ def test_what_does_not_tell_says_nothing() -> None:
     assert patch_depth(pair(12.0, period=25.0), box) is None
     for edges in ((300.0, 100.0, 301.0, 121.0), (10.0, 10.0, 400.0, 200.0)):
         assert patch_depth(seen, Detection("region", edges)) is None
+
+
+def test_its_colour_tells_it_from_places_with_the_same_pattern() -> None:
+    """A red patch on a grey wall whose pattern repeats."""
+    grey = pair(12.0, period=25.0)
+    eyes = []
+    for eye, moved in ((grey.image, 0), (grey.right, 12)):
+        colours = np.repeat(eye[:, :, None], 3, axis=2)
+        colours[95:127, 295 - moved : 329 - moved, 1:] //= 2
+        eyes.append(colours)
+    seen = replace(grey, image=eyes[0], right=eyes[1])
+    found = patch_depth(seen, Detection("region", BOX))
+    assert FB / found.depth_m == pytest.approx(12.0, abs=0.05)
+    # of a brighter eye, too
+    brighter = np.minimum(eyes[1] * 1.25, 255).astype(np.uint8)
+    found = patch_depth(replace(seen, right=brighter), Detection("region", BOX))
+    assert FB / found.depth_m == pytest.approx(12.0, abs=0.1)
