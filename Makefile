@@ -64,7 +64,7 @@ soak: $(VENV)/installed-dev ## long tests
 # A number of inputs for each reader: make fuzz INPUTS=100000
 INPUTS ?= 10000
 fuzz: $(VENV)/installed-dev ## read damaged files of every format, in processes with bounded memory
-	for format in pcd ply npz bin labels poses rig-yaml rig-xml rig-json rig-body camera-info kalibr \
+	for format in pcd ply npz bin labels poses trajectory rig-yaml rig-xml rig-json rig-body camera-info kalibr \
 		euroc kitti-calib kitti-raw kitti-mounted kitti-bare projections k-txt middlebury camera \
 		trials journal settings; do \
 		$(BIN)/python -m tests.fuzzing $$format $(INPUTS) || exit 1; done

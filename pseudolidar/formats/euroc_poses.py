@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -40,7 +41,7 @@ def read_euroc_trajectory(
     for line, cells in _rows(path, limits):
         times.append(_time_ns(line, cells[0]))
         numbers.append([line.number_of(cell) for cell in cells[1:POSE_COLUMNS]])
-        length = float(np.linalg.norm(numbers[-1][3:]))
+        length = math.hypot(*numbers[-1][3:])
         if not abs(length - 1) <= ROTATION_TOLERANCE:
             raise line.refusal(f"a quaternion of length {length:.4g}", want="1, to 1e-3")
     values = np.array(numbers, np.float64).reshape(-1, POSE_COLUMNS - 1)

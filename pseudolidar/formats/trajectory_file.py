@@ -28,6 +28,8 @@ POSE_SUFFIXES = frozenset((".txt", ".csv", ".tum", ".kitti"))
 TRAJECTORY_LIMITS = Limits(text_bytes=200_000_000, text_lines=1_000_000)
 # Holds comments, a heading and the first pose; with the mark that some editors put before them.
 SNIFFED_BYTES, BOM = 65_536, "\xef\xbb\xbf"
+# Coordinates of the whole Earth are nearer to 0, m; squares of larger ones lose their digits.
+LARGEST_M = 1e8
 # A gap beyond this multiple of the median interval is told.
 GAP_RATIO = 3.0
 
@@ -93,6 +95,7 @@ def read_trajectory(
     try:
         form, rows = _recognised(path, limits)
         stamps, poses = _READERS[form](path, limits)
+        _check_places(poses, rows)
         found = PoseRecord(
             path, form, poses, None if stamps is None else np.array(stamps, np.int64)
         )
@@ -178,6 +181,15 @@ def _timed(poses: PoseRecord, times: Path, limits: Limits, *, strict: bool) -> P
         path=poses.path,
         where=f"pose {min(len(poses), len(stamps)) + 1}",
     )
+
+
+def _check_places(T_world_body: Float64, rows: Sequence[TextLine]) -> None:
+    far = np.flatnonzero(np.abs(T_world_body[:, :3, 3]).max(axis=1) > LARGEST_M)
+    if len(far):
+        place = ", ".join(f"{value:g}" for value in T_world_body[far[0], :3, 3])
+        raise rows[int(far[0])].refusal(
+            f"pose {far[0]} (from 0) at {place} m", want=f"metres, within {LARGEST_M:g}"
+        )
 
 
 def _check_increasing(path: Path, times_ns: Int64, rows: Sequence[TextLine] | None) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
@@ -100,7 +101,7 @@ def read_tum_trajectory(
     for line in _content(path, PoseFileError, limits, 1):
         words = line.words()
         numbers = line.numbers(words, count=TRAJECTORY_NUMBERS)
-        length = float(np.linalg.norm(numbers[4:]))
+        length = math.hypot(*numbers[4:])
         # Written with four digits, a quaternion is of unit length to some 1e-4.
         if not abs(length - 1) <= ROTATION_TOLERANCE:
             raise line.refusal(f"a quaternion of length {length:.4g}", want="1, to 1e-3")

@@ -95,6 +95,8 @@ def test_forms_are_told_by_content(tmp_path, text, form):
         (f"{TUM_ROW}\n2.5 1 2 3 0 0 0", PoseFileError, "line 2", "7 numbers"),
         (f"{TUM_ROW}\n2.5 1 2 3 1 0 0 1", PoseFileError, "line 2", "length 1.414"),
         ("1403636579763555584 1 2 3 0 0 0 1", PoseFileError, "line 1, column 1", "1403636"),
+        (f"{TUM_ROW}\n2.5 1 1e300 3 0 0 0 1", PoseFileError, "line 2", "at 1, 1e+300, 3 m"),
+        ("1 0 0 -1e9 0 1 0 0 0 0 1 0", PoseFileError, "line 1", "at -1e+09, 0, 0 m"),
         (f"{EUROC_ROW}\n15.5,1,2,3,1,0,0,0", PoseFileError, "line 2, column 1", "'15.5'"),
         (f"{EUROC_ROW}\n2500000000,1,x,3,1,0,0,0", PoseFileError, "line 2, column 14", "'x'"),
         (f"{EUROC_ROW}\n2500000000,1,2,3,1,0,0", PoseFileError, "line 2", "7 columns"),

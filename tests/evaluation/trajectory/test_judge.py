@@ -111,6 +111,12 @@ def test_segments_are_those_of_the_devkit(text, metres, step, step_m):
     assert sum(row.n for row in found.by_length()) == len(found)
 
 
+def test_a_segment_ends_beyond_its_length():
+    line = np.tile(np.eye(4), (30, 1, 1))
+    line[:, 0, 3] = np.arange(30)  # and not at the pose that is 10 m on to the digit
+    assert segment_errors(line, line, SegmentLengths("10")).first.tolist() == list(range(19))
+
+
 @pytest.mark.parametrize(
     ("poses", "metres"),
     [(102, (100, 200, 300, 400, 500, 600, 700, 800)), (60, (10, 20, 30, 40)), (9, ())],
