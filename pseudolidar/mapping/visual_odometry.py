@@ -84,7 +84,9 @@ class VisualChain:
     @property
     def offset(self) -> Offset:
         """What is known of the rig's disparity offset by now."""
-        return self._estimate.now if self._estimate else Offset(sigma_px=0.0)
+        if self._estimate:
+            return self._estimate.now
+        return Offset(sigma_px=self._rig.systematic_sigma_px)
 
     @property
     def correction(self) -> DisparityCorrection | None:

@@ -4,9 +4,9 @@
 
 Names: 06 and 0002 (KITTI, from the folder of real data), street, room, flight; all by default.
 "told" are poses as they were told frame by frame, "settled" the path when all is known of the
-disparity offset. t_rel is the mean over all pieces of 10, 20, 30, 40 m, or over the whole path
-where that is shorter. Time is CPU time of one thread, matcher and odometry in turns on the same
-frames; NEES is the normalised squared error of steps by its six dimensions.
+disparity offset. t_rel is the mean over all pieces of 10, 20, 30, 40 m, or of the whole path where
+that is shorter (`evaluation/trajectory`). Time is CPU time of one thread, matcher and odometry in
+turns on the same frames; NEES is the normalised squared error of steps by its six dimensions.
 """
 
 from __future__ import annotations

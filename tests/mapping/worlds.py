@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pseudolidar.evaluation.trajectory.segments import SegmentLengths, segment_errors
 from pseudolidar.geometry.frames import left_in_base_link
 from pseudolidar.geometry.twists import inverted, log_twist
 from pseudolidar.sources.synthetic import Synthetic
@@ -81,22 +82,8 @@ class Drift:
 
 
 def drift(T_odom: np.ndarray, truth: np.ndarray) -> Drift:
-    """By the rule of KITTI's devkit, for pieces of 10 to 40 m, or the whole of shorter paths."""
-    along_m = np.concatenate(
-        [[0.0], np.cumsum(np.linalg.norm(np.diff(truth[:, :3, 3], axis=0), axis=1))]
-    )
-    pieces = [
-        (first, int(np.searchsorted(along_m, along_m[first] + length_m)))
-        for length_m in (10.0, 20.0, 30.0, 40.0)
-        for first in range(len(truth))
-    ]
-    pieces = [(i, j) for i, j in pieces if j < len(truth)] or [(0, len(truth) - 1)]
-    errors = []
-    for i, j in pieces:
-        moved, really = inverted(T_odom[i]) @ T_odom[j], inverted(truth[i]) @ truth[j]
-        error, length_m = log_twist(inverted(really) @ moved), along_m[j] - along_m[i]
-        turned_deg = np.degrees(np.linalg.norm(error[3:]))
-        errors.append(((np.linalg.norm(error[:3])) / length_m, turned_deg / length_m))
+    """Against exact poses that begin at the same place: over 10-40 m, or all of shorter paths."""
+    pieces = segment_errors(T_odom, truth, SegmentLengths("auto"))
     end_m = np.linalg.norm(T_odom[-1, :3, 3] - truth[-1, :3, 3])
-    t_rel, r_rel = np.mean(errors, axis=0)
-    return Drift(float(end_m / along_m[-1]), float(t_rel), float(r_rel))
+    length_m = np.linalg.norm(np.diff(truth[:, :3, 3], axis=0), axis=1).sum()
+    return Drift(float(end_m / length_m), pieces.mean_t_rel, pieces.mean_r_rel_deg_per_m)
