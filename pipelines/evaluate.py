@@ -37,12 +37,12 @@ from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.matching import MatchFrame, Refining, steps_in_words
 from pseudolidar.running.nearness import Searching
-from pseudolidar.running.new_file import check_new_file
+from pseudolidar.running.new_file import check_kind, check_new_file
 from pseudolidar.running.obstacle_judging import judge_obstacles
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.reports.clouds_report import CloudsReport
-from pseudolidar.running.reports.trajectory_page import write_trajectory_page
+from pseudolidar.running.reports.trajectory_page import is_page, write_trajectory_page
 from pseudolidar.running.reports.trajectory_report import TrajectoryReport
 from pseudolidar.running.settings_schema import choice_name, described
 from pseudolidar.running.sighting import SMALL_THINGS_KEPT, SightFrame
@@ -389,6 +389,7 @@ def judge_poses(job: Evaluate) -> TrajectoryReport:
         )
     if job.report is not None:
         check_new_file(job.report, overwrite=job.overwrite, flag="--report")
+        check_kind(job.report, is_page, "page (HTML)", flag="--report")
     judging = TrajectoryJudging(
         align=job.align,
         pair=job.pair,

@@ -83,6 +83,11 @@ def test_a_page_is_written_once(folder, tmp_path, capsys):
     assert (code, found["error"]["code"]) == (2, "UsageError")
     code, _, _ = evaluate(capsys, folder / "estimate.tum", *args, "--overwrite")
     assert code == 0
+    before = (folder / "truth.tum").read_bytes()
+    args = ("--reference", folder / "truth.tum", "--report", folder / "truth.tum", "--overwrite")
+    code, found, _ = evaluate(capsys, folder / "estimate.tum", *args)
+    assert (code, found["error"]["got"]) == (2, "a file that is no page (HTML)")
+    assert (folder / "truth.tum").read_bytes() == before
 
 
 def test_a_source_is_a_reference(tmp_path, capsys):

@@ -123,10 +123,12 @@ def _end_to_end(path_m: Float64, delta_m: float) -> Int64:
 
 def _from_every(path_m: Float64, delta_m: float) -> Int64:
     """From every pose to the one whose path is nearest to the length, if it is near enough."""
-    found = []
-    for begin in range(len(path_m) - 1):
-        rest_m = path_m[begin + 1 :] - path_m[begin]
-        best = int(np.argmin(np.abs(rest_m - delta_m)))
-        if abs(rest_m[best] - delta_m) <= LENGTH_TOLERANCE * delta_m:
-            found.append((begin, begin + 1 + best))
-    return np.array(found, np.int64).reshape(-1, 2)
+    begins = np.arange(len(path_m) - 1)
+    wanted_m = path_m[:-1] + delta_m
+    beyond = np.clip(np.searchsorted(path_m, wanted_m), begins + 1, len(path_m) - 1)
+    # Of poses at one place, the first; none before the next.
+    short = np.maximum(np.searchsorted(path_m, path_m[beyond - 1]), begins + 1)
+    is_short = np.abs(path_m[short] - wanted_m) <= np.abs(path_m[beyond] - wanted_m)
+    ends = np.where(is_short, short, beyond)
+    near = np.abs(path_m[ends] - wanted_m) <= LENGTH_TOLERANCE * delta_m
+    return np.stack((begins, ends), axis=1)[near].astype(np.int64)

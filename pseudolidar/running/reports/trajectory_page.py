@@ -16,6 +16,8 @@ from pseudolidar.running.reports.comparison_page import PAGE_PX
 from pseudolidar.running.reports.numbers import percent
 from pseudolidar.running.reports.trajectory_report import TrajectoryReport, degrees
 
+PAGE_BEGINS = b"<!doctype html"
+
 
 def write_trajectory_page(path: Path, report: TrajectoryReport) -> TrajectoryReport:
     """Write the page; the report that names it.
@@ -25,6 +27,11 @@ def write_trajectory_page(path: Path, report: TrajectoryReport) -> TrajectoryRep
     """
     write_atomic(path, trajectory_page(report))
     return replace(report, files=(*report.files, path))
+
+
+def is_page(head: bytes) -> bool:
+    """Whether a file begins as a page does."""
+    return head.lstrip()[: len(PAGE_BEGINS)].lower() == PAGE_BEGINS
 
 
 def trajectory_page(report: TrajectoryReport) -> bytes:

@@ -66,6 +66,22 @@ def test_one_bad_step_is_one_bad_motion_and_bends_what_follows():
     assert len(steps) == len(one.rpe_m)
 
 
+def test_motions_from_every_pose_end_where_their_path_is_nearest_to_the_length():
+    rng = np.random.default_rng(8)
+    steps_m = rng.uniform(0, 0.8, 300) * (rng.random(300) < 0.7)  # it stands now and then
+    line = np.tile(np.eye(4), (301, 1, 1))
+    line[1:, 0, 3] = np.cumsum(steps_m)
+    path_m = line[:, 0, 3]
+    wanted = []
+    for begin in range(300):
+        off_m = np.abs(path_m[begin + 1 :] - path_m[begin] - 2.0)
+        if off_m.min() <= 0.2:
+            wanted.append((begin, begin + 1 + int(off_m.argmin())))
+    found = RpeSteps.parse("2m:all").pairs(line)
+    assert found.tolist() == [list(pair) for pair in wanted]
+    assert len(found) > 200
+
+
 def devkit(estimate: np.ndarray, truth: np.ndarray, metres: tuple[int, ...], step: int):
     """The benchmark's loops, as its code has them."""
     gone = [0.0]
