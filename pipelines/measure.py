@@ -10,12 +10,13 @@ from typing import Annotated, Any
 import numpy as np
 
 from pseudolidar.clouds.ground_fit import GroundFit
-from pseudolidar.errors import ALL_DONE, UsageError
+from pseudolidar.errors import ALL_DONE, UsageError, printable
 from pseudolidar.formats.obstacle_json import obstacle_fields
 from pseudolidar.formats.regions import NO_CLASS
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.box_in_view import across_m
+from pseudolidar.obstacles.class_sizes import UNKNOWN, size_of_class
 from pseudolidar.obstacles.measure import DRAWN_PX, measured
 from pseudolidar.obstacles.regions import Boxes, Regions
 from pseudolidar.running.crew.crew_plan import CrewPlan
@@ -210,7 +211,8 @@ class MeasureReport:
         header = ("frame", "what", "distance", "across", "height", "right, down, ahead", "points")
         lines = [table_text(rows, header=header)]
         for one in self.found:
-            lines += [f"{one.obstacle.detection.name}: {note}" for note in _notes(one.obstacle)]
+            name = printable(one.obstacle.detection.name)
+            lines += [f"{name}: {note}" for note in _notes(one.obstacle)]
         return "\n".join(lines)
 
 
@@ -238,13 +240,18 @@ def _sigma_across_m(one: Measured) -> float:
 
 
 def _notes(obstacle: Obstacle) -> list[str]:
-    notes = []
+    usual = size_of_class(obstacle.detection.name) is not UNKNOWN
     if obstacle.measured_by == "size":
-        notes.append("no points of its own; this is where its size and footing put it")
-    elif obstacle.points < FEW_POINTS:
+        said = "nothing in it was matched (sky, no texture, or too small), so it is not measured: "
+        if usual:
+            return [f"{said}this is where its usual size and its footing put it"]
+        return [f"{said}this is where a thing of any size might be, see +-; --name helps"]
+    notes = []
+    if obstacle.measured_by == "points" and obstacle.points < FEW_POINTS:
         notes.append(f"only {obstacle.points} points")
     if obstacle.truncated:
-        notes.append("cut by the border of the picture: its size is that of its class")
+        size = "that of its class" if usual else "a guess"
+        notes.append(f"cut by the border of the picture: its size is {size}")
     if obstacle.occluded:
         notes.append("something nearer hides part of it")
     return notes

@@ -343,6 +343,8 @@ def figures(found: Found) -> dict[str, Any]:
         "obstacles": len(found.obstacles),
         "density": float(found.seen.sight.depth.valid.mean()),
     }
+    if found.frame.notes:
+        told["notes"] = list(found.frame.notes)
     if found.obstacles:
         told["nearest_m"] = found.obstacles[0].distance_m
     return told | ahead_figures(found.ahead)

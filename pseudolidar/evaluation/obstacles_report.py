@@ -19,6 +19,8 @@ from pseudolidar.evaluation.obstacles import (
 
 # Sizes are told of cars to this distance, m.
 CARS, CARS_TO_M = ("Car",), 30.0
+# Frames without labels that are named.
+NAMED = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +33,7 @@ class ObstaclesReport:
         frames: how many frames had labels.
         precisions: KITTI's average precision of boxes, of classes that labels and detector share.
         found_by_labels: the detections are the labels themselves, so recall says nothing.
-        without_labels: frames that have none.
+        without_labels: ids of frames that have none.
         seconds_per_frame: median time of finding and measuring, matching included.
         skipped: id and reason of frames that could not be used.
         warnings: what is odd about the pairs.
@@ -43,7 +45,7 @@ class ObstaclesReport:
     frames: int
     found_by_labels: bool
     precisions: Sequence[AveragePrecision] = ()
-    without_labels: int = 0
+    without_labels: Sequence[str] = ()
     seconds_per_frame: float | None = None
     skipped: Sequence[tuple[str, str]] = ()
     warnings: Sequence[str] = ()
@@ -51,8 +53,8 @@ class ObstaclesReport:
 
     @property
     def exit_code(self) -> int:
-        """4 if frames were skipped, else 0."""
-        return SOME_SKIPPED if self.skipped else ALL_DONE
+        """4 if frames were skipped or have no labels, else 0."""
+        return SOME_SKIPPED if self.skipped or self.without_labels else ALL_DONE
 
     @property
     def recall(self) -> float | None:
@@ -92,7 +94,8 @@ class ObstaclesReport:
             },
             "objects": [dict(vars(o)) for o in self.objects],
             "frames": self.frames,
-            "without_labels": self.without_labels,
+            "without_labels": len(self.without_labels),
+            "unlabelled": list(self.without_labels),
             "seconds_per_frame": self.seconds_per_frame,
             "skipped": [{"id": name, "reason": reason} for name, reason in self.skipped],
             "warnings": list(self.warnings),
@@ -122,7 +125,9 @@ class ObstaclesReport:
         lines.append("the usual script, depth at the middle of the box, against the label's z:")
         lines += [_band_line(band) for band in usual_by_band(self.objects)]
         if self.without_labels:
-            lines.append(f"{self.without_labels} frames without labels left out")
+            names = ", ".join(self.without_labels[:NAMED])
+            more = ", ..." if len(self.without_labels) > NAMED else ""
+            lines.append(f"without labels, and left out: {names}{more}")
         return "\n".join([*lines, *(f"skipped {name}: {why}" for name, why in self.skipped)])
 
     def _precision_lines(self) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,10 +35,13 @@ class Boxes:
             UsageError: numbers that are no box.
         """
         parts = [part.strip() for part in text.split(",")]
-        if not all(NUMBER.fullmatch(part) for part in parts):
+        numbers = [float(part) for part in parts if NUMBER.fullmatch(part)]
+        # Where some are numbers and some are not, a box was meant, unless there is such a file.
+        if not numbers or (len(numbers) < len(parts) and Path(text).exists()):
             return cls(path=Path(text))
-        numbers = [float(part) for part in parts]
-        if len(numbers) != 4 or not (numbers[0] < numbers[2] and numbers[1] < numbers[3]):
+        if not len(numbers) == len(parts) == 4 or not (
+            numbers[0] < numbers[2] < math.inf and numbers[1] < numbers[3] < math.inf
+        ):
             raise UsageError(
                 f"{text!r}", want="LEFT,TOP,RIGHT,BOTTOM in px, left < right and top < bottom"
             )
@@ -70,6 +74,13 @@ class Regions:
             LabelError: the file cannot be read.
         """
         if self.boxes.path is not None:
+            if not self.boxes.path.is_file():
+                raise LabelError(
+                    "no such file",
+                    want="a .csv or .json file of boxes, or LEFT,TOP,RIGHT,BOTTOM in px",
+                    fix="Check the path.",
+                    path=self.boxes.path,
+                )
             drawn = read_regions(self.boxes.path)
         else:
             assert self.boxes.box_px is not None
@@ -82,7 +93,7 @@ class Regions:
     def _named(self, detection: Detection) -> Detection:
         if detection.name != NO_CLASS:
             return detection
-        return Detection(self.name, detection.box_px, detection.score)
+        return Detection(self.name or NO_CLASS, detection.box_px, detection.score)
 
 
 @dataclass(frozen=True)
@@ -111,6 +122,7 @@ class DrawnRegions:
                 raise LabelError(
                     f"box {','.join(f'{value:g}' for value in one.box_px)}",
                     want=f"one in the picture of {width}x{height}",
+                    fix="Pixels count from the upper left corner, LEFT,TOP,RIGHT,BOTTOM.",
                     path=self.path,
                     where=f"frame {sight.id}",
                 )

@@ -96,7 +96,7 @@ def judge_obstacles(
     per_frame = JudgeObstacles(sight, one.load())
     skipped: list[Skipped] = []
     judged: list[JudgedFrame] = []
-    without = 0
+    without: list[str] = []
     outcomes = stream(source, per_frame, crew=crew)
     with FrameProgress(len(source.ids)) as progress:
         for frame in good_frames(
@@ -106,8 +106,8 @@ def judge_obstacles(
             if frame.value is not None:
                 judged.append(frame.value)
                 continue
-            without += 1
-            if not judged and without >= tried:
+            without.append(frame.id)
+            if not judged and len(without) >= tried:
                 break
     if not judged:
         raise ReferenceMissing(
@@ -123,7 +123,7 @@ def judge_obstacles(
         precisions=average_precisions([frame.boxes for frame in judged]),
         found_by_labels=any(isinstance(detector, Labels) for detector in detectors),
         networks=networks_of(per_frame),
-        without_labels=without,
+        without_labels=tuple(without),
         seconds_per_frame=float(np.median([frame.seconds for frame in judged])),
         skipped=[(frame.id, str(frame.error)) for frame in skipped],
         warnings=warnings,

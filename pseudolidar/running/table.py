@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable, Sequence
 
+from pseudolidar.errors import printable
+
 # Columns where no terminal wraps lines: programs that read a table want whole rows.
 _UNLIMITED = 1000
 
@@ -45,7 +47,7 @@ def table_text(rows: Iterable[Sequence[str]], *, header: Sequence[str] = ()) -> 
     for i in range(len(rows[0]) if rows else 0):
         table.add_column(header[i] if header else "", overflow="fold", no_wrap=False)
     for row in rows:
-        table.add_row(*(cell.replace("[", r"\[") for cell in row))
+        table.add_row(*(printable(cell).replace("[", r"\[") for cell in row))
     with console.capture() as captured:
         console.print(table)
     return "\n".join(line.rstrip() for line in captured.get().splitlines())

@@ -16,8 +16,9 @@ def disparity_range(rig: StereoRig, min_depth_m: float) -> int:
     The nearest multiple of 32 of `f B / Z - doffs`, never above half the width.
 
     Raises:
-        StereoConfig: the image is narrower than 64 px.
+        StereoConfig: the image is narrower than 64 px, or the depth is no number above 0.
     """
+    check_min_depth(min_depth_m)
     largest = rig.left.width_px // (2 * RANGE_STEP_PX) * RANGE_STEP_PX
     if largest == 0:
         raise StereoConfig(

@@ -77,5 +77,30 @@ def test_what_cannot_be_measured_is_refused(pair: Path, tmp_path, capsys) -> Non
     other.write_text("frame,left,top,right,bottom\nanother,1,2,3,4\n")
     error = told(capsys, pair, "--box", other, code=2)["error"]
     assert "no box for frame 0" in error["got"]
-    error = told(capsys, pair, "--box", "1,2,3", code=2)["error"]
-    assert "LEFT,TOP,RIGHT,BOTTOM" in error["want"]
+    for box in ("1,2,3", "nan,1,2,3", "1,2,inf,4", "5,1,5,9", "9,1,5,9", "1,2,1e999,3"):
+        error = told(capsys, pair, f"--box={box}", code=2)["error"]
+        assert "LEFT,TOP,RIGHT,BOTTOM" in error["want"]
+    error = told(capsys, pair, "--box", tmp_path / "none.csv", code=3)["error"]
+    assert error["fix"] == "Check the path."
+    for depth in ("0", "-1", "nan"):
+        error = told(capsys, pair, "--box", BOX, "--min-depth", depth, code=3)["error"]
+        assert error["where"] == "--min-depth"
+
+
+def test_what_cannot_be_matched_is_said_not_to_be_measured(tmp_path, pair: Path, capsys) -> None:
+    """A sky of one colour, a box below a pixel, and a name that would write on the terminal."""
+    rig = (pair / "rig.json").read_text()
+    for eye in ("left", "right"):
+        picture = cv2.imread(str(pair / eye / "0.png"))
+        picture[:60] = 200
+        (tmp_path / eye).mkdir()
+        cv2.imwrite(str(tmp_path / eye / "0.png"), picture)
+    (tmp_path / "rig.json").write_text(rig)
+    for box in ("300,5,340,40", "300,20.2,300.4,20.4"):
+        job = ["measure", str(tmp_path), "--box", box, "--name", "a\x1b[31m\nb"]
+        assert main(job) == 0
+        out = capsys.readouterr().out
+        assert "it is not measured" in out
+        assert "hides part" not in out
+        assert "\x1b" not in out
+        assert r"a\x1b[31m\nb: nothing in it was matched" in out

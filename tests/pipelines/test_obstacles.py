@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 
 import av
 import numpy as np
@@ -235,6 +236,34 @@ def test_what_has_no_labels_is_refused(drive, capsys, tmp_path) -> None:
     error = told(capsys, *job, code=3)["error"]
     assert "has no labels" in error["got"]
     assert "--detector" in error["fix"]
+
+
+def test_frames_without_labels_are_named(street, tmp_path, capsys) -> None:
+    half = tmp_path / "half"
+    shutil.copytree(street, half)
+    (half / "training" / "label_2" / "000001.txt").unlink()
+    judged = told(capsys, "evaluate", "obstacles", str(half), "--matcher", "bm", code=4)
+    assert judged["unlabelled"] == ["000001"]
+    assert {one["frame"] for one in judged["objects"]} == {"000000"}
+
+
+def test_nothing_found_is_a_result_in_every_output(street, tmp_path, capsys) -> None:
+    job = ("obstacles", street, str(tmp_path), "--detector", "colour:pink", "--matcher", "bm")
+    every = ("--to", "pcd,kitti,mcap", "--video", "--track", "tracker")
+    report = told(capsys, *job, "--detector.least-pixels", "100000", *every)
+    assert report["figures"]["obstacles"]["max"] == 0
+    assert report["labelled"]["objects"][0]["measured_m"] is None
+    assert lines(tmp_path) == []
+    assert len((tmp_path / "obstacles.csv").read_text().splitlines()) == 1
+    identity = Pose.identity("camera_left", FRAME_CAM0)
+    for name in FRAMES:
+        assert read_labels(tmp_path / "label_2" / f"{name}.txt", T_left_cam0=identity) == ()
+        assert not read_pcd(tmp_path / "pcd" / f"{name}.pcd").extra["object"].any()
+    assert read_tracking_labels(tmp_path / "tracking.txt", T_left_cam0=identity) == {}
+    with av.open(str(tmp_path / "obstacles.mp4")) as film:
+        assert sum(1 for _ in film.decode(video=0)) >= 2
+    assert len(list(tmp_path.glob("*.mcap"))) == 1
+    assert "Nothing was found in 2 frames." in (tmp_path / "report.html").read_text()
 
 
 def test_points_alone_have_no_picture(street, capsys, tmp_path) -> None:
