@@ -25,7 +25,7 @@ def warp_maps(
         disparity: (H, W) float32 px, as measured; NaN where unknown.
         camera: (8,) float32: fx, fy, cx, cy px, f B px m, doffs px, least px that a disparity
             (plus doffs) may have, nearest depth m.
-        offset: (8,) float32 coefficients of `DisparityCorrection`, taken off what was measured
+        offset: (10,) float32 coefficients of `DisparityCorrection`, taken off what was measured
             and put on what the second pair will measure.
         T: (3, 4) float32 maps points of the first left camera to the second one.
         maps: (3, H, W) float32 out: u and v in the second left image, u in the second right one.
@@ -84,8 +84,8 @@ def _fill(values: AnyArray, row: AnyArray) -> None:
 def _offset(coefficients: AnyArray, d: float, x: float, y: float) -> float:
     """As `DisparityCorrection.offset_px`, of x and y scaled to [-1, 1]."""
     c = coefficients
-    flat = c[0] + c[1] * d * np.float32(0.02) + x * (c[2] + x * (c[4] + x * c[7]))
-    return np.float32(flat + y * (c[3] + x * c[5] + y * c[6]))
+    flat = c[0] + c[1] * d * np.float32(0.02) + x * (c[2] + x * (c[4] + x * (c[7] + x * c[9])))
+    return np.float32(flat + y * (c[3] + x * (c[5] + x * c[8]) + y * c[6]))
 
 
 @_kernel

@@ -47,7 +47,8 @@ class Warp:
         K = rig.left.K
         numbers = (K[0, 0], K[1, 1], K[0, 2], K[1, 2], rig.fB_px_m, rig.doffs_px)
         camera = np.array([*numbers, LEAST_PX, NEAREST_M], np.float32)
-        offset = np.zeros(8) if correction is None else correction.coefficients
+        none = np.zeros(DisparityCorrection.TERMS)
+        offset = none if correction is None else correction.coefficients
         warp_maps(
             np.ascontiguousarray(disparity, np.float32),
             camera,

@@ -27,6 +27,21 @@ class Sight:
     pair: MatchedPair
     movable: Bool | None = None
 
+    @property
+    def blind(self) -> str:
+        """Why nothing can be told from it at all, or nothing."""
+        if not np.isfinite(self.pair.disparity).any():
+            return "no pixel has a disparity: black, covered, or without texture"
+        if np.array_equal(self.pair.left, self.pair.right):
+            return "left and right are the same picture"
+        return ""
+
+    def frozen_since(self, before: Sight) -> str:
+        """Whether its picture came before, in words: no camera is without noise."""
+        if np.array_equal(self.pair.left, before.pair.left):
+            return "the same picture as the frame before, to the last bit: the camera is frozen"
+        return ""
+
     def still(self, uv: AnyArray) -> Bool:
         """(N,) which points (N, 2) px are not on things that may move."""
         if self.movable is None:

@@ -160,7 +160,7 @@ class VisualChain:
         """A piece of path from this frame on, if it shows enough."""
         keyframe = Keyframe.of(sight, self._rig)
         least = self._settings.least_inliers
-        blind = _blind(sight)
+        blind = sight.blind
         if blind or len(keyframe.seeds) < least:
             why = blind or f"{len(keyframe.seeds)} corners that both eyes see, want {least}"
             return self._lose(why)
@@ -181,7 +181,7 @@ class VisualChain:
     def _found(self, sight: Sight) -> RelativePose | str:
         """The motion from the newest keyframe, or why there is none."""
         last = self._before
-        blind = _blind(sight) or _frozen(sight, last.sight)
+        blind = sight.blind or sight.frozen_since(last.sight)
         if blind:
             return blind
         on = last.further(self._lost + 1)
@@ -287,19 +287,3 @@ class _Last:
             return None
         twist = log_twist(self.step.T_from_to) * (frames / self.step.frames)
         return np.asarray(self.T_odom_camera @ exp_twist(twist))
-
-
-def _blind(sight: Sight) -> str:
-    """Why a frame shows nothing at all, or nothing."""
-    if not np.isfinite(sight.pair.disparity).any():
-        return "no pixel has a disparity: black, covered, or without texture"
-    if np.array_equal(sight.pair.left, sight.pair.right):
-        return "left and right are the same picture"
-    return ""
-
-
-def _frozen(sight: Sight, before: Sight) -> str:
-    """Whether a picture came twice, in words: no camera without noise exists."""
-    if np.array_equal(sight.pair.left, before.pair.left):
-        return "the same picture as the frame before, to the last bit: the camera does not deliver"
-    return ""

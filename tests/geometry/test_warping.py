@@ -12,7 +12,8 @@ from pseudolidar.structures.correction import DisparityCorrection
 from tests.moving_rig import rig
 
 TWIST = np.array([0.1, -0.05, -1.2, 0.01, -0.02, 0.005])
-CORRECTION = DisparityCorrection(np.array([-0.5, 0.6, 0.1, -0.2, 0.3, 0.05, -0.1, 0.2]), 0.1)
+COEFFICIENTS = np.array([-0.5, 0.6, 0.1, -0.2, 0.3, 0.05, -0.1, 0.2, 0.15, -0.25])
+CORRECTION = DisparityCorrection(COEFFICIENTS, 0.1)
 
 
 def disparities(of, *, gaps=True):

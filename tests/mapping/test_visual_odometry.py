@@ -144,16 +144,18 @@ def with_board(frame, *, at):
     return replace(frame, left=left, right=right), DisparityMap(values)
 
 
-@pytest.mark.parametrize("known_by", ["box", "mask", None])
+@pytest.mark.parametrize("known_by", ["box", "mask", "where it was", "where it is", None])
 def test_movable_things_are_not_looked_at(street, known_by):
+    known_in = {"where it was": [True, False, False], "where it is": [False, True, True]}
+    known = known_in.get(known_by, [known_by is not None] * 3)
     odometry = VisualOdometry(offset=False).start(street.rig)
-    for frame, at in zip(street.frames[:3], (60, 66, 72), strict=True):
+    for frame, at, told in zip(street.frames[:3], (60, 66, 72), known, strict=True):
         shown, disparity = with_board(frame, at=at)
         box_px = (at - 12.0, 8.0, at + BOARD_PX + 11.0, 131.0)
         mask = np.zeros(frame.left.shape[:2], np.bool_)
         mask[8:132, at - 12 : at + BOARD_PX + 12] = True
         thing = Detection("van", box_px, mask=mask if known_by == "mask" else None)
-        state = odometry.register(shown, disparity, [thing] if known_by else [])
+        state = odometry.register(shown, disparity, [thing] if told else [])
     u, v = state.tracks.uv_from.T
     on_board = (u >= 60) & (u < 60 + BOARD_PX) & (v >= 20) & (v < 120)
     error_m = np.linalg.norm(state.T_odom_camera.translation_m - street.T_odom[2, :3, 3])
