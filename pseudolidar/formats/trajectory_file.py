@@ -23,6 +23,7 @@ TrajectoryForm = Literal["TUM", "KITTI", "EuRoC"]
 # The same, or the frames of a source that knows where it was.
 PoseForm = Literal["TUM", "KITTI", "EuRoC", "frames"]
 KITTI_NUMBERS = 12
+KITTI_VERTICAL = 1  # the world is the first camera: x right, y down, z forward
 POSE_SUFFIXES = frozenset((".txt", ".csv", ".tum", ".kitti"))
 # An hour at 100 Hz is 360 000 poses and 50 MB; the caps of calibrations and labels are narrower.
 TRAJECTORY_LIMITS = Limits(text_bytes=200_000_000, text_lines=1_000_000)
@@ -45,6 +46,7 @@ class PoseRecord:
         times_ns: (N,) int64, increasing; None where nobody says when the poses were.
         times_from: the file of the times, where it is another one.
         notes: what is odd, or was assumed.
+        vertical: axis of the world (0-2) that stands upright; None where nobody says.
     """
 
     path: Path
@@ -53,6 +55,7 @@ class PoseRecord:
     times_ns: Int64 | None
     times_from: Path | None = None
     notes: tuple[str, ...] = ()
+    vertical: int | None = None
 
     def __len__(self) -> int:
         return len(self.T_world_body)
@@ -97,7 +100,11 @@ def read_trajectory(
         stamps, poses = _READERS[form](path, limits)
         _check_places(poses, rows)
         found = PoseRecord(
-            path, form, poses, None if stamps is None else np.array(stamps, np.int64)
+            path,
+            form,
+            poses,
+            None if stamps is None else np.array(stamps, np.int64),
+            vertical=KITTI_VERTICAL if form == "KITTI" else None,
         )
         if times is not None:
             found = _timed(found, times, limits, strict=True)

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from pseudolidar.errors import PoseMissing
-from pseudolidar.formats.trajectory_file import PoseRecord, read_trajectory
+from pseudolidar.formats.trajectory_file import KITTI_VERTICAL, PoseRecord, read_trajectory
 from pseudolidar.geometry.frame_chain import chain
 from pseudolidar.geometry.frames import BASE_LINK, MAP, left_in_base_link
 from pseudolidar.running.progress import FrameProgress
@@ -21,6 +21,8 @@ from pseudolidar.structures.recorded import HeldFrame, RecordedCloud
 
 # Whose poses a source tells: the body's, or the left camera's, as KITTI's pose files have them.
 PosedBody = Literal["base_link", "camera_left"]
+
+BODY_VERTICAL = 2  # of `map`: x forward, y left, z up
 
 
 def read_poses(path: Path, *, body: PosedBody, times: Path | None) -> PoseRecord:
@@ -61,7 +63,8 @@ def source_poses(settings: Source, path: Path, *, body: PosedBody) -> PoseRecord
         T_base_left = left_in_base_link(source.rig)
         T_map_base = T_base_left.inverse().matrix @ T_map_base @ T_base_left.matrix
     told = f"{path.name}: poses of {body} in {source.summary.line}"
-    return PoseRecord(path, "frames", T_map_base, times_ns, notes=(told, *notes))
+    vertical = KITTI_VERTICAL if body == "camera_left" else BODY_VERTICAL
+    return PoseRecord(path, "frames", T_map_base, times_ns, notes=(told, *notes), vertical=vertical)
 
 
 def _known_poses(source: FrameSequence[HeldFrame]) -> tuple[Int64, Float64]:

@@ -14,6 +14,7 @@ from pseudolidar.formats.timestamps import write_times
 from pseudolidar.formats.trajectory import camera_poses, write_kitti_poses
 from pseudolidar.formats.tum import write_tum_trajectory
 from pseudolidar.geometry.frames import left_in_base_link
+from pseudolidar.running.pose_reading import read_poses
 from pseudolidar.sources.synthetic import Synthetic
 from tests.evaluation.trajectory.paths import drifting, stamps, winding
 
@@ -77,8 +78,9 @@ def test_a_page_is_written_once(folder, tmp_path, capsys):
     page = (tmp_path / "a" / "page.html").read_text()
     assert (code, found["files"]) == (0, [str(tmp_path / "a" / "page.html")])
     assert page.count("image/svg+xml") == 3
-    for word in ("From above", "100-800 m", f"{found['ape']['rmse_m']:.3f} m", "scale"):
-        assert word in page or word == "From above"
+    figure = f"{found['ape']['rmse_m']:.3f} m"
+    for word in ("across z", "100-800 m", figure, "motion and a scale"):
+        assert word in page
     code, found, _ = evaluate(capsys, folder / "estimate.tum", *args)
     assert (code, found["error"]["code"]) == (2, "UsageError")
     code, _, _ = evaluate(capsys, folder / "estimate.tum", *args, "--overwrite")
@@ -88,6 +90,20 @@ def test_a_page_is_written_once(folder, tmp_path, capsys):
     code, found, _ = evaluate(capsys, folder / "estimate.tum", *args)
     assert (code, found["error"]["got"]) == (2, "a file that is no page (HTML)")
     assert (folder / "truth.tum").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "vertical"),
+    [
+        ("truth.txt", "base_link", 1),
+        ("truth.tum", "camera_left", None),
+        ("synthetic:flight:3", "camera_left", 1),
+        ("synthetic:flight:3", "base_link", 2),
+    ],
+)
+def test_which_axis_stands_upright_is_known_of_some(folder, path, body, vertical):
+    place = Path(path) if ":" in path else folder / path
+    assert read_poses(place, body=body, times=None).vertical == vertical
 
 
 def test_a_source_is_a_reference(tmp_path, capsys):

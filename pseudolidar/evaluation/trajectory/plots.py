@@ -25,34 +25,46 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 AXES = "xyz"
+UPRIGHT = 2  # where two axes are as likely: z
+# Axes reach as far, m, deg or percent: digits of rounding are not drawn as errors.
+LEAST_SHOWN = 1e-6
 ERROR_COLOURS = "viridis"
 # More vertices than this are not told apart, and make the page heavy.
 MOST_DRAWN = 4000
 
 
-def seen_axes(T_world_body: Float64) -> tuple[int, int, int]:
-    """The two axes that a path spreads along, in the order of a map, and the third.
+def plane_of(T_world_body: Float64, vertical: int | None) -> tuple[int, int, int]:
+    """The two axes that a path is drawn by, in the order of a map, and the third.
 
-    A camera's world has y down, a robot's z up; nothing in a file of poses says which it is.
+    Args:
+        T_world_body: (N, 4, 4) the path.
+        vertical: the third, where it is known; else that along which the path spreads least.
     """
     spread = np.ptp(T_world_body[:, :3, 3], axis=0)
-    flat = 2 if spread[2] <= spread.min() else int(spread.argmin())
-    across, ahead = (axis for axis in range(3) if axis != flat)
-    return across, ahead, flat
+    if vertical is None:
+        vertical = UPRIGHT if spread[UPRIGHT] <= spread.min() else int(spread.argmin())
+    across, ahead = (axis for axis in range(3) if axis != vertical)
+    return across, ahead, vertical
 
 
-def above_plot(errors: TrajectoryErrors) -> Figure:
-    """Both paths in the plane that they lie in, the estimate in the colour of its error."""
+def above_plot(errors: TrajectoryErrors, vertical: int | None) -> Figure:
+    """Both paths from above, the estimate in the colour of its error.
+
+    Args:
+        errors: of the estimate.
+        vertical: axis of the reference's world that stands upright, where it is known.
+    """
     from matplotlib.collections import LineCollection
 
     figure, axes = new_figure(7.4, 6.2)
-    across, ahead, _ = seen_axes(errors.reference)
+    across, ahead, _ = plane_of(errors.reference, vertical)
     kept = thinned(len(errors.path_m))
     true, own = (T[kept][:, (across, ahead), 3] for T in (errors.reference, errors.aligned))
     axes.plot(*true.T, color=GREY, linestyle=(0, (4, 2)), linewidth=1.2, label="reference")
     pieces = np.stack((own[:-1], own[1:]), axis=1)
     line = LineCollection(list(pieces), cmap=ERROR_COLOURS, linewidths=1.8, label="estimate")
     line.set_array(errors.ape_m[kept][1:])
+    line.set_clim(0, max(float(errors.ape_m.max()), LEAST_SHOWN))
     axes.add_collection(line)
     axes.plot(*true[0], "o", color="black", markersize=7, label="start")
     axes.plot(*true[-1], "s", color=VERMILLION, markersize=6, label="end of the reference")
@@ -81,6 +93,8 @@ def along_plot(errors: TrajectoryErrors) -> Figure:
     for axis, (name, colour, dashes) in enumerate(styles):
         parts.plot(path_m, difference[:, axis], dashes, color=colour, linewidth=1.2, label=name)
     zero_line(parts)
+    low, high = parts.get_ylim()
+    parts.set_ylim(min(low, -LEAST_SHOWN), max(high, LEAST_SHOWN))
     parts.set(xlabel="path of the reference, m", ylabel="by axis, m")
     parts.legend(fontsize=9, ncols=3, loc="upper left")
     return figure
@@ -116,7 +130,7 @@ def drift_plot(segments: Segments) -> Figure:
         means = [float(group.mean()) for group in groups]
         places = range(1, len(groups) + 1)
         axes.plot(places, means, "D", color=VERMILLION, markersize=6, label="mean")
-        axes.set_ylim(bottom=0)
+        axes.set_ylim(0, max(axes.get_ylim()[1], LEAST_SHOWN))
         axes.legend(fontsize=9)
     return figure
 
@@ -131,4 +145,4 @@ def thinned(n: int) -> Int64:
 def _filled(axes: Axes, x: Float64, y: Float64, colour: str) -> None:
     axes.plot(x, y, color=colour, linewidth=1.2)
     axes.fill_between(x, y, color=colour, alpha=0.15, linewidth=0)
-    axes.set_ylim(bottom=0)
+    axes.set_ylim(0, max(axes.get_ylim()[1], LEAST_SHOWN))

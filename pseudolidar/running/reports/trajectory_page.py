@@ -9,11 +9,11 @@ import numpy as np
 
 from pseudolidar import __version__
 from pseudolidar.evaluation.page import KeyFigure, Picture, PictureRow, Section, render_page
-from pseudolidar.evaluation.trajectory.plots import above_plot, along_plot, drift_plot, seen_axes
+from pseudolidar.evaluation.trajectory.plots import above_plot, along_plot, drift_plot, plane_of
 from pseudolidar.evaluation.trajectory.statistics import ErrorStatistics
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.running.reports.comparison_page import PAGE_PX
-from pseudolidar.running.reports.numbers import percent
+from pseudolidar.running.reports.numbers import counted, percent
 from pseudolidar.running.reports.trajectory_report import TrajectoryReport, degrees
 
 PAGE_BEGINS = b"<!doctype html"
@@ -41,10 +41,12 @@ def trajectory_page(report: TrajectoryReport) -> bytes:
         report: the errors.
     """
     errors = report.errors
-    flat = "xyz"[seen_axes(errors.reference)[2]]
+    known = report.reference.vertical
+    flat = "xyz"[plane_of(errors.reference, known)[2]]
+    why = "which stands upright" if known is not None else "along which they spread least"
     above = Picture.plot(
-        above_plot(errors),
-        f"both paths across {flat}, along which they spread least",
+        above_plot(errors, known),
+        f"both paths across {flat}, {why}",
         alt="The paths of estimate and reference from above; colours tell the position error.",
     )
     along = Picture.plot(
@@ -62,12 +64,11 @@ def trajectory_page(report: TrajectoryReport) -> bytes:
         report.subject,
         [
             Section("Paths and errors", pictures=[PictureRow((above, along))]),
+            Section("Drift over segments", text=report.drift_line, plots=[drift]),
             Section(
-                "Drift over segments",
-                text=report.drift_line,
+                "Drift by length",
                 header=("length, m", "segments", "translation, %", "rotation, deg/m"),
                 table=_drift_rows(report),
-                plots=[drift],
             ),
             Section(
                 "Absolute and relative errors",
@@ -97,7 +98,7 @@ def _keys(report: TrajectoryReport) -> list[KeyFigure]:
     keys = [
         KeyFigure("APE", f"{position.rmse:.3f} m", f"rmse; largest {position.max:.3f} m"),
         KeyFigure("rotation", f"{rotation.rmse:.3f} deg", "rmse of poses"),
-        KeyFigure("t_rel", percent(drift.mean_t_rel), f"mean of {len(drift)} segments"),
+        KeyFigure("t_rel", percent(drift.mean_t_rel), f"mean of {counted(len(drift), 'segment')}"),
         KeyFigure("r_rel", degrees(drift.mean_r_rel_deg_per_m), "deg/m, mean of segments"),
         KeyFigure("end", percent(errors.end_error_rel), "of the path, the whole motion"),
     ]

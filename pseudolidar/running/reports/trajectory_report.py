@@ -60,13 +60,14 @@ class TrajectoryReport:
         """What is odd, or was assumed."""
         fitted = self.align in ("se3", "sim3") and not self.errors.alignment.determined
         still = ("the reference does not move",) if not self.errors.length_m else ()
-        return (
+        every = (
             *self.estimate.notes,
             *self.reference.notes,
             *self.errors.pairs.notes,
             *((OPEN_TURN,) if fitted else ()),
             *still,
         )
+        return tuple(dict.fromkeys(every))  # a source may be both
 
     @property
     def subject(self) -> str:
