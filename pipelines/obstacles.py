@@ -257,7 +257,15 @@ def run(job: Obstacles) -> ObstaclesReport:
         if job.corridor is not None:
             corridor = write_corridor(job.out / CORRIDOR, run.records(), source)
     result = run.result()
-    page = write_obstacles_page(job.out, result, told, rig=source.rig, settings=chosen(job))
+    page = write_obstacles_page(
+        job.out,
+        result,
+        told,
+        rig=source.rig,
+        settings=chosen(job),
+        corridor=corridor,
+        stop_at_m=job.stop_at,
+    )
     files = (*(job.out / name for name in recording.files.values()), *written(job), page)
     judged = tuple(one for frame in told.values() for one in frame.judged)
     return ObstaclesReport(result, job.out, files, corridor, job.stop_at, judged, job.objects)

@@ -159,8 +159,9 @@ def _used(frame: BoxedFrame, name: str, difficulty: Difficulty) -> tuple[Int64, 
             labels.append(IGNORED if hard else COUNTS)
         else:
             labels.append(IGNORED if NEIGHBOURS.get(name) == own else OTHER)
+    # The devkit asks for whole pixels of height first, and for the class only then.
     found = [
-        OTHER if own != name else (IGNORED if height < difficulty.least_px else COUNTS)
+        IGNORED if int(height) < difficulty.least_px else (COUNTS if own == name else OTHER)
         for own, height in zip(frame.names, frame.heights_px, strict=True)
     ]
     return np.array(labels, np.int64), np.array(found, np.int64)

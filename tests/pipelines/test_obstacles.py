@@ -285,6 +285,9 @@ def test_a_corridor_stops_a_robot(street, tmp_path, capsys) -> None:
         nearest["distance_m"], rel=1e-5
     )
     assert len(list((tmp_path / "near").glob("*.png"))) == 2
+    page = (tmp_path / "report.html").read_text()
+    assert "nearest thing in the corridor over time" in page
+    assert "Nothing is seen in it in 0 of 2 frames." in page
     limit = str(nearest["distance_m"] + 1)
     found = told(capsys, *job, "--near", "15", "--stop-at", limit, code=10)
     assert found["corridor"]["too_near"]["sure"] > 0.5

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pseudolidar.evaluation.page import Picture
+from pseudolidar.running.products.corridor_table import Watched
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.obstacle import Obstacle
 
@@ -139,6 +140,20 @@ def above_plot(seen: Sequence[Sighting]) -> Picture:
     if beyond:
         axes.set_title(f"From above, from the left camera; {beyond} farther off", fontsize="medium")
     return Picture.plot(figure, "where obstacles were, from above; the camera is the triangle")
+
+
+def corridor_plot(watched: Sequence[Watched], stop_at_m: float | None) -> Picture:
+    """How far the nearest thing in the corridor is over time, with one standard deviation."""
+    title = "Nearest thing in the corridor, with one standard deviation"
+    figure, axes = _axes(title, ("time, s", "distance, m"), BELOW)
+    rows = [(one.time_s, one.ahead.distance_m, one.ahead.sigma_m) for one in watched if one.ahead]
+    times, far, sigma = np.array(rows, np.float64).reshape(-1, 3).T
+    start_s = watched[0].time_s if watched else 0.0
+    axes.errorbar(times - start_s, far, sigma, fmt=".-", elinewidth=0.7, linewidth=1.0)
+    if stop_at_m is not None:
+        axes.axhline(stop_at_m, color="tab:red", linestyle="--", linewidth=1.0)
+    axes.set_ylim(bottom=0)
+    return Picture.plot(figure, "nearest thing in the corridor over time; red: where to stop")
 
 
 def colours_of(seen: Iterable[Sighting]) -> dict[str, str]:

@@ -14,6 +14,7 @@ from pseudolidar.evaluation.preview_picture import Panel, resized
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.obstacle_words import distance_text, name_text, speed_text, unseen_text
 from pseudolidar.formats.timestamps import NS_PER_S
+from pseudolidar.running.products.corridor_table import Watched
 from pseudolidar.running.products.obstacle_film import FILM_FOLDER, FILM_NAME, read_picture
 from pseudolidar.running.products.told import ToldFrame
 from pseudolidar.running.reports.conversion_page import REPORT_NAME, rig_rows
@@ -21,6 +22,7 @@ from pseudolidar.running.reports.numbers import counted
 from pseudolidar.running.reports.obstacle_objects import objects_sections
 from pseudolidar.running.reports.obstacle_plots import (
     above_plot,
+    corridor_plot,
     count_plot,
     distance_plot,
     sightings,
@@ -49,6 +51,8 @@ def write_obstacles_page(
     *,
     rig: StereoRig | None,
     settings: Mapping[str, str],
+    corridor: Sequence[Watched] | None = None,
+    stop_at_m: float | None = None,
 ) -> Path:
     """Write `report.html`, self-contained but for the film, from what a run left in its folder.
 
@@ -58,6 +62,8 @@ def write_obstacles_page(
         told: its frames with their obstacles.
         rig: of the frames, where there is one.
         settings: what was chosen, by name, for the reader.
+        corridor: the nearest thing in it, frame by frame; None where none was watched.
+        stop_at_m: what may not be nearer than this.
 
     Returns:
         Path of the page.
@@ -72,6 +78,7 @@ def write_obstacles_page(
     sections = [
         *classes_section(frames),
         *_plots(frames, times_s),
+        *corridor_section(corridor, stop_at_m),
         *([Section("Film", video=FILM_NAME)] if (folder / FILM_NAME).exists() else []),
         *pictures_section(folder, frames, times_s),
         *objects_sections(judged),
@@ -99,6 +106,16 @@ def classes_section(frames: Mapping[str, Sequence[Obstacle]]) -> list[Section]:
     rows.sort(key=lambda row: -int(row[1].replace(",", "")))
     text = "By size alone: without points of their own, as far as their size and footing say."
     return [Section("What was found", text, rows, header=CLASS_HEADER)] if rows else []
+
+
+def corridor_section(corridor: Sequence[Watched] | None, stop_at_m: float | None) -> list[Section]:
+    """The corridor over time; none where none was watched."""
+    if corridor is None:
+        return []
+    clear = sum(one.ahead is None for one in corridor)
+    text = f"Nothing is seen in it in {clear} of {counted(len(corridor), 'frame')}."
+    plots = [corridor_plot(corridor, stop_at_m)] if clear < len(corridor) else []
+    return [Section("Corridor", f"{text} Each frame is in corridor.csv.", plots=plots)]
 
 
 def pictures_section(
