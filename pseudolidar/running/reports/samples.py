@@ -141,9 +141,9 @@ def top_view(cloud: PointCloud, ahead_m: float) -> UInt16:
     return np.minimum(counts, np.iinfo(np.uint16).max).astype(np.uint16)
 
 
-def sampled_frames(ids: Sequence[str]) -> frozenset[str]:
-    """The frames of a source that are sampled: at most 12, first and last among them."""
-    count = min(MAX_SAMPLES, len(ids))
+def sampled_frames(ids: Sequence[str], most: int = MAX_SAMPLES) -> frozenset[str]:
+    """The frames of a source that are sampled: at most so many, first and last among them."""
+    count = min(most, len(ids))
     return (
         frozenset(ids[round(i)] for i in np.linspace(0, len(ids) - 1, count))
         if ids
