@@ -102,6 +102,8 @@ def shown_folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_rig(folder / "rig.json", rig)
     for name, width_px in (("left.mp4", 256), ("right.mp4", 256), ("side_by_side.mkv", 512)):
         write_video(folder / name, pictures(2, width_px, 96))
+    for trajectory in ("orb.txt", "truth.txt"):
+        (folder / trajectory).write_text("1 0 0 5 0 0 0 1\n2 0 0 6 0 0 0 1\n")
     (folder / OWN_JOB).write_text(blocks("python")[0])
     return folder
 
@@ -171,11 +173,14 @@ def test_the_pipeline_of_ones_own_runs(shown_folders, monkeypatch, capsys):
 
 def test_the_example_in_python_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    job, example = blocks("python")
+    job, *examples = blocks("python")
+    example = "\n".join(examples)  # the second one goes on with the first
     assert job.startswith('"""How near')
     exec(compile(example, "README.md", "exec"), {"__name__": "readme"})
-    points, frame, *_ = capsys.readouterr().out.split()
+    said, *steps = re.findall(r"^(\w+ .*?)$", capsys.readouterr().out, flags=re.MULTILINE)
+    points, frame, *_ = said.split()
     assert frame == "camera_left"
+    assert [step.split()[0] for step in steps] == ["first", "ok", "ok"]
     kept = len(read_pcd(tmp_path / "street.pcd"))
     assert 0 < kept < int(points)
 
