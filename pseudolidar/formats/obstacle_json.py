@@ -4,7 +4,8 @@ Fields: `frame`, `time_s`, `number` (in the frame), `class`, `score`, `box_px` (
 bottom; first pixel centre at 0), `distance_m` (Z of the nearest face), `sigma_distance_m`,
 `centre_m` (x right, y down, z ahead of the left camera), `size_m` (length, width, height),
 `heading_rad` (of the length, about the vertical, 0 ahead, to the right positive; which end is the
-front nobody knows), `sigma_*` one standard deviation each (of the centre along the box's axes),
+front nobody knows), `sigma_*` one standard deviation each (of the centre along the box's axes;
+`sigma_shared_m` that part of the distance's which is the same in every frame),
 `rotation` (3 rows, box to camera), `points`, `confidence`, `truncated`, `occluded`, `measured_by`.
 Of a tracked one also what `track_json` has. `obstacle.schema.json` beside this file is the form of
 an object; `obstacles.jsonl` has one on each line.
@@ -57,6 +58,7 @@ def obstacle_fields(
         "confidence": obstacle.confidence,
         "truncated": obstacle.truncated,
         "occluded": obstacle.occluded,
+        "sigma_shared_m": obstacle.sigma_shared_m,
         "measured_by": obstacle.measured_by,
         **({} if obstacle.track is None else track_fields(obstacle.track)),
     }
@@ -89,6 +91,7 @@ def obstacle_of(fields: dict[str, Any], *, where: str) -> Obstacle:
             float(fields["confidence"]),
             bool(fields["truncated"]),
             bool(fields["occluded"]),
+            float(fields.get("sigma_shared_m", 0.0)),
             track=track_of(fields),
         )
     except (KeyError, TypeError, ValueError) as error:

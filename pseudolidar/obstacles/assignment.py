@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pseudolidar.obstacles.motion_filter import LASTING, PLACE, Belief, Place
+from pseudolidar.obstacles.motion_filter import ASIDE, LASTING, PLACE, RIG, Belief, Place
 from pseudolidar.obstacles.movers import may_be_one
 from pseudolidar.obstacles.overlap import BoxPx, box_iou
 
@@ -59,6 +59,8 @@ def _may_be_near(belief: Belief, place: Place) -> bool:
     off = place.xyz - belief.mean[PLACE]
     P = belief.covariance
     along_ray = float(place.sigma_m[0]) ** 2 * (1.0 + float(P[LASTING, LASTING]))
-    across = float(place.sigma_m[1]) ** 2 + float(place.sigma_m[2]) ** 2
-    variance = 2.0 * (float(P[0, 0] + P[1, 1] + P[2, 2]) + along_ray + across)
+    across = float(place.sigma_m[1]) ** 2 * (1.0 + float(P[ASIDE, ASIDE]))
+    own = along_ray + across + float(place.sigma_m[2]) ** 2
+    shared = place.shared_m**2 * float(P[RIG, RIG])
+    variance = 4.0 * (float(P[0, 0] + P[1, 1] + P[2, 2]) + own + shared)
     return float(off[0] ** 2 + off[1] ** 2 + off[2] ** 2) <= FAR_SIGMAS**2 * variance

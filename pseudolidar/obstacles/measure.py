@@ -77,6 +77,7 @@ def _obstacle(sight: Sight, detection: Detection, owned: Owned, R: Float64) -> O
         confidence=_confidence(detection, owned, patch),
         truncated=truncated,
         occluded=occluded,
+        sigma_shared_m=_shared_m(sight, distance_m),
         pixels=owned.pixels.pixels,
     )
 

@@ -23,9 +23,11 @@ LEAST_SIGMA_M = 0.05
 # Of the middle of a thing whose edges are seen: so much for what it is like, and 3 px of KITTI.
 EDGES_SIGMA_M, EDGES_SIGMA_RAD = 0.1, 0.004
 # The middle of a thing of which a part may be hidden may be off by this share of its longest side.
-HIDDEN_SHARE = 0.25
+HIDDEN_SHARE = 0.1
 # Boxes that are this close may hide a part of each other.
 BESIDE_PX = 4.0
+# No thing is matched better along the ray than this share of what the rig leaves.
+OWN_SHARE = 0.4
 # Weight of the rule that errors lie along the ray, against what the box's own axes tell of it:
 # they tell nothing where the ray is diagonal to them.
 ALONG_RAY_WEIGHT = 0.1
@@ -37,7 +39,7 @@ def relative_pose() -> Pose:
 
 
 def all_placed(
-    obstacles: Sequence[Obstacle], T_world_camera: Pose, persistent: float
+    obstacles: Sequence[Obstacle], T_world_camera: Pose, persistent: tuple[float, float]
 ) -> list[Place]:
     """Where the obstacles of a frame are in the world."""
     return [
@@ -47,7 +49,7 @@ def all_placed(
 
 
 def placed(
-    obstacle: Obstacle, T_world_camera: Pose, persistent: float, *, edges_seen: bool
+    obstacle: Obstacle, T_world_camera: Pose, persistent: tuple[float, float], *, edges_seen: bool
 ) -> Place:
     """Where the middle of an obstacle is in the world, with its error.
 
@@ -71,11 +73,15 @@ def placed(
     else:
         hidden_m = HIDDEN_SHARE * max(obstacle.box.length_m, obstacle.box.width_m)
         aside_m = math.hypot(aside_m, hidden_m)
+    shared_m = obstacle.sigma_shared_m
+    least_m = max(LEAST_SIGMA_M, OWN_SHARE * shared_m)
+    own_m = math.sqrt(max(along_m**2 - shared_m**2, least_m**2))
     return Place(
         T_world_camera.apply(centre[None])[0],
         np.stack([ray, across, upright]),
-        np.array([along_m, aside_m, sigma[2]]),
+        np.array([own_m, aside_m, sigma[2]]),
         persistent,
+        shared_m,
     )
 
 

@@ -79,7 +79,7 @@ class Pursued:
         gain = 1.0 / min(self.seen + 1, SIZE_FRAMES)
         return replace(
             self,
-            belief=self.belief.seen_with_doubt(place),
+            belief=self.belief.seen_with_doubt(place, self.seen),
             names={**self.names, name: self.names.get(name, 0.0) + score},
             size_m=self.size_m + gain * (size_m - self.size_m),
             sigma_size_m=sigma_m,

@@ -45,22 +45,26 @@ STANDING_SHARE, BRISK_M_S = 0.3, 4.0
 class Tracker:
     """Follow obstacles from frame to frame, each with a filter of its place and velocity.
 
-    Errors of distance are of two kinds: what changes from frame to frame, which averages out, and
-    what stays (the rig's, the matcher's on that surface), which does not: it makes a thing that
-    comes nearer seem slower or faster by the same share in every frame. The filter carries the
-    staying part as a state of its own, so that velocities are no surer than it lets them be.
+    Errors of a place are of three kinds: what changes from frame to frame, which averages out; what
+    stays for a while (how a thing is hidden, the matcher's on that surface), and what the
+    calibration of the rig leaves, which stays for ever and makes a thing that comes nearer seem
+    slower or faster. The filter carries those that stay as states of their own, so that places and
+    velocities are no surer than they let them be.
 
     Args:
         motion: how things move.
-        persistent: share of the variance along the ray that stays from frame to frame, 0-1.
-        persistent_s: for how long it stays.
+        persistent: share of the variance along the ray that stays from frame to frame, 0-1; what
+            the calibration leaves is apart from that.
+        persistent_across: likewise across the ray.
+        persistent_s: for how long they stay.
         confirm: a track is believed when it was seen in so many frames.
         coast_s: a track that is not seen is predicted for so long, then it ends.
         doubt: a track that is not yet believed ends after so many frames without it.
     """
 
     motion: Straight | Turning = field(default_factory=Turning)
-    persistent: float = 0.5
+    persistent: float = 0.3
+    persistent_across: float = 0.8
     persistent_s: float = 3.0
     confirm: int = 3
     coast_s: float = 2.0
@@ -69,6 +73,11 @@ class Tracker:
     def load(self) -> Following:
         """A tracker that has seen nothing yet."""
         return Following(self)
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Of the variances along the ray and across it that stay."""
+        return self.persistent, self.persistent_across
 
     def dynamics(self, one: Pursued, *, over_ground: bool) -> Dynamics:
         """How a thing moves, as seen from the ground or from the camera."""
@@ -130,7 +139,7 @@ class Following:
         if T.src != LEFT_FRAME:
             raise StructureError(f"T_{T.dst}_{T.src}", want=f"T_map_{LEFT_FRAME}", where="Tracker")
         ended = self._begin_frame(timestamp_ns, T)
-        places = all_placed(obstacles, T, self.settings.persistent)
+        places = all_placed(obstacles, T, self.settings.shares)
         tracks: dict[int, Pursued] = {}
         # Believed tracks choose first: a doubtful one must not take what is theirs.
         for believed in (True, False):

@@ -29,6 +29,8 @@ class Obstacle:
         confidence: 0-1, how much of what it should be was seen to be so.
         truncated: part of it lies outside of the picture.
         occluded: something nearer hides part of it.
+        sigma_shared_m: the part of the error of its distance that is the same in every frame: what
+            the calibration of the rig leaves.
         pixels: (N,) int64 pixels that show it, as positions in the flat picture.
         track: identity and velocity, where it was followed.
     """
@@ -42,6 +44,7 @@ class Obstacle:
     confidence: float = 1.0
     truncated: bool = False
     occluded: bool = False
+    sigma_shared_m: float = 0.0
     pixels: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))
     track: Track | None = None
 

@@ -37,12 +37,14 @@ class Errors:
 
     Args:
         disparity_px: one standard deviation, all kinds together.
-        persistent: share of its variance that stays; for persistent_s.
+        rig_px: of that what the rig's calibration leaves, the same for all things of a street.
+        persistent: share of the other's variance that stays; for persistent_s.
         missed: share of the detections that fail; hidden_missed of those half hidden.
         false: detections of nothing, in the mean of a frame.
     """
 
     disparity_px: float = 0.25
+    rig_px: float = 0.15
     persistent: float = 0.5
     persistent_s: float = 3.0
     missed: float = 0.05
@@ -102,6 +104,7 @@ def moments(
     rng = np.random.default_rng([seed, 6])
     drivers = _drivers(np.random.default_rng([seed, 5]), seconds)
     lasting: dict[int, float] = {}
+    rig = float(np.random.default_rng([seed, 7]).standard_normal())
     keeps = math.exp(-1.0 / rate_hz / errors.persistent_s)
     for index in range(round(seconds * rate_hz)):
         t_s = index / rate_hz
@@ -118,9 +121,9 @@ def moments(
             noise = rng.standard_normal(10)
             if one.seen and not lost:
                 name = next(d.kind[0] for d in drivers if d.number == one.number)
-                obstacles.append(_measured(name, one.box, errors, now, noise))
+                obstacles.append(_measured(name, one.box, errors, (now, rig), noise))
         for _ in range(rng.poisson(errors.false)):
-            obstacles.append(_false(rng, errors))
+            obstacles.append(_false(rng, errors, rig))
         yield Moment(1_000_000_000 + round(t_s * 1e9), T, tuple(obstacles), tuple(truth))
 
 
@@ -223,16 +226,22 @@ def _in_view(
     return truth, shares
 
 
-def _measured(name: str, box: Box3D, errors: Errors, lasting: float, noise: Float64) -> Obstacle:
-    """The box as stereo sees it; `lasting` is the staying error of its distance in sigmas."""
+def _measured(
+    name: str, box: Box3D, errors: Errors, staying: tuple[float, float], noise: Float64
+) -> Obstacle:
+    """The box as stereo sees it; `staying` are errors of its distance, its own and the rig's."""
     centre = box.pose.translation_m
     range_m = float(np.linalg.norm(centre))
-    sigma_ray = errors.disparity_px * centre[2] * range_m / (FOCAL_PX * BASELINE_M) + 1e-3
+    metres_per_px = float(centre[2]) * range_m / (FOCAL_PX * BASELINE_M)
+    sigma_ray = errors.disparity_px * metres_per_px + 1e-3
+    shared_m = errors.rig_px * metres_per_px
     sigma_across = 0.1
     ray = centre / range_m
+    lasting, rig = staying
     own = math.sqrt(1 - errors.persistent) * noise[0] + math.sqrt(errors.persistent) * lasting
+    off_m = math.sqrt(sigma_ray**2 - shared_m**2) * own + shared_m * rig
     sideways = np.array([ray[2], 0.0, -ray[0]]) / math.hypot(ray[0], ray[2])
-    off = sigma_ray * own * ray + sigma_across * noise[1] * sideways
+    off = off_m * ray + sigma_across * noise[1] * sideways
     off = off + sigma_across * noise[2] * np.array([0.0, 1.0, 0.0])
     c, s = math.cos(0.08 * noise[3]), math.sin(0.08 * noise[3])
     R = box.pose.matrix[:3, :3] @ np.array([[c, -s, 0.0], [s, c, 0.0], [0, 0, 1.0]])
@@ -249,15 +258,16 @@ def _measured(name: str, box: Box3D, errors: Errors, lasting: float, noise: Floa
     left, top, right, bottom = outline
     box_px = (max(0.0, left), max(0.0, top), min(WIDTH - 1.0, right), min(HEIGHT - 1.0, bottom))
     distance_m = max(0.5, float(seen.corners_m()[:, 2].min()))
-    return Obstacle(Detection(name, box_px), distance_m, sigma_ray, seen, 0.08)
+    detection = Detection(name, box_px)
+    return Obstacle(detection, distance_m, sigma_ray, seen, 0.08, sigma_shared_m=shared_m)
 
 
-def _false(rng: np.random.Generator, errors: Errors) -> Obstacle:
+def _false(rng: np.random.Generator, errors: Errors, rig: float) -> Obstacle:
     z = rng.uniform(8.0, 50.0)
     centre = np.array([rng.uniform(-0.6, 0.6) * z, 0.8, z])
     R = R_BODY_OPTICAL.T
     box = Box3D(Pose.from_rotation("camera_left", "box", R, centre), *CAR[1])
-    return _measured("Car", box, errors, rng.standard_normal(), rng.standard_normal(10))
+    return _measured("Car", box, errors, (rng.standard_normal(), rig), rng.standard_normal(10))
 
 
 def _direction(heading: float) -> Float64:

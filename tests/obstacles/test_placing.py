@@ -32,12 +32,12 @@ def test_the_error_along_the_ray_is_found_whatever_way_a_box_is_turned(heading_d
     width = math.sqrt(along**2 * s2 + across**2 * c2)
     box = turned_box(heading, 0.0, 30.0, [length, width, 0.1])
     one = Obstacle(Detection("Car", (0.0, 0.0, 1.0, 1.0)), 28.0, along, box, 0.1)
-    place = placed(one, relative_pose(), 0.5, edges_seen=True)
+    place = placed(one, relative_pose(), (0.5, 0.0), edges_seen=True)
     np.testing.assert_allclose(place.xyz, [30.0, 0.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(place.axes @ place.axes.T, np.eye(3), atol=1e-12)
     np.testing.assert_allclose(place.axes[0], [1.0, 0.0, 0.0], atol=1e-12)
     assert place.sigma_m[0] == pytest.approx(along, rel=0.02)
-    hidden = placed(one, relative_pose(), 0.5, edges_seen=False)
+    hidden = placed(one, relative_pose(), (0.5, 0.0), edges_seen=False)
     assert hidden.sigma_m[0] == pytest.approx(along, rel=0.02)
     assert place.sigma_m[1] < 0.3  # and not the 1.06 m that a diagonal of a turned box would say
     total = length**2 + width**2
@@ -48,7 +48,7 @@ def test_a_ray_to_the_side_is_turned_with_the_camera() -> None:
     box = turned_box(0.0, 10.0, 10.0, [0.5, 0.5, 0.1])
     one = Obstacle(Detection("Car", (0.0, 0.0, 1.0, 1.0)), 8.0, 0.5, box, 0.1)
     at = Pose.from_rotation("map", "camera_left", R_BODY_OPTICAL, np.array([5.0, 0.0, 2.0]))
-    place = placed(one, at, 0.0, edges_seen=True)
+    place = placed(one, at, (0.0, 0.0), edges_seen=True)
     np.testing.assert_allclose(place.xyz, [15.0, -10.0, 2.0], atol=1e-12)
     np.testing.assert_allclose(place.axes[0], [math.sqrt(0.5), -math.sqrt(0.5), 0.0], atol=1e-12)
 
@@ -58,12 +58,14 @@ def test_what_may_be_hidden_in_part_is_less_sure_across() -> None:
         box = turned_box(0.0, 0.0, z, [0.3, 0.1, 0.1])
         return Obstacle(Detection("Car", (left, 0.0, right, 50.0)), z - 2.0, 0.3, box, 0.1)
 
-    alone = all_placed([seen(30.0, 100, 140)], relative_pose(), 0.5)[0].sigma_m[1]
-    far, near = all_placed([seen(30.0, 100, 140), seen(15.0, 142, 200)], relative_pose(), 0.5)
+    alone = all_placed([seen(30.0, 100, 140)], relative_pose(), (0.5, 0.0))[0].sigma_m[1]
+    far, near = all_placed(
+        [seen(30.0, 100, 140), seen(15.0, 142, 200)], relative_pose(), (0.5, 0.0)
+    )
     assert alone < 0.15
-    assert far.sigma_m[1] > 0.9  # a quarter of its 4 m may be behind the nearer one
+    assert far.sigma_m[1] > 0.39  # a tenth of its 4 m may be behind the nearer one
     assert near.sigma_m[1] < 0.15
-    far, _ = all_placed([seen(30.0, 100, 140), seen(15.0, 160, 200)], relative_pose(), 0.5)
+    far, _ = all_placed([seen(30.0, 100, 140), seen(15.0, 160, 200)], relative_pose(), (0.5, 0.0))
     assert far.sigma_m[1] == pytest.approx(alone)
 
 
@@ -93,3 +95,11 @@ def test_no_contact_where_it_does_not_surely_come_nearer() -> None:
     assert contact_of(box, np.array([0.0, 0.0, -1.1]), covariance) is not None
     behind = turned_box(0.0, 1.0, 1.0, [0.3, 0.1, 0.1])
     assert contact_of(behind, np.array([0.0, 0.0, -5.0]), covariance) is None
+
+
+def test_what_the_rig_leaves_is_apart_from_a_thing_s_own_error() -> None:
+    box = turned_box(0.0, 0.0, 30.0, [1.3, 0.1, 0.1])
+    one = Obstacle(Detection("Car", (0, 0, 1, 1)), 28.0, 1.3, box, 0.1, sigma_shared_m=1.2)
+    place = placed(one, relative_pose(), (0.5, 0.0), edges_seen=True)
+    assert place.shared_m == 1.2
+    assert place.sigma_m[0] == pytest.approx(0.5, abs=0.03)  # 1.3^2 - 1.2^2
