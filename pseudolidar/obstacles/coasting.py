@@ -13,6 +13,8 @@ from pseudolidar.structures.obstacle import Obstacle
 def coasting_obstacle(track: Track, last: Obstacle, camera: Camera) -> Obstacle | None:
     """A track that is only predicted, as an obstacle; None where it should be out of the picture.
 
+    What is half behind the camera has been passed.
+
     Nothing of it was seen: it has no pixels, and its confidence is 0.
 
     Args:
@@ -22,7 +24,7 @@ def coasting_obstacle(track: Track, last: Obstacle, camera: Camera) -> Obstacle 
     """
     box = track.box
     distance_m, box_px = nearest_depth_m(box, camera), seen_px(box, camera)
-    if distance_m is None or box_px is None:
+    if distance_m is None or box_px is None or box.pose.translation_m[2] <= 0:
         return None
     detection = Detection(track.name, box_px, last.detection.score)
     return Obstacle(

@@ -50,7 +50,10 @@ def log_plausible(sight: Sight, detection: Detection, depth_m: float) -> float:
 
 
 def by_size(sight: Sight, detection: Detection) -> Guess:
-    """Depth at which the usual size of its class fills its box: by height, or by width."""
+    """Depth at which the usual size of its class fills its box: by height, or by width.
+
+    Of a thing that the border cuts, it is the farthest that it can be.
+    """
     size = size_of_class(detection.name)
     left, top, right, bottom = detection.box_px
     fx, fy = sight.camera.K[0, 0], sight.camera.K[1, 1]
@@ -59,6 +62,8 @@ def by_size(sight: Sight, detection: Detection) -> Guess:
     by_width = fx * size.width_m[0] / wide
     cut_rows = top <= BORDER_PX or bottom >= sight.camera.height_px - 1 - BORDER_PX
     depth_m = max(by_height, by_width) if cut_rows else by_height
+    if is_cut(sight, detection):
+        return Guess(0.5 * depth_m, depth_m / np.sqrt(12))
     share = np.hypot(size.height_m[1] / size.height_m[0], EDGE_PX / tall)
     return Guess(float(depth_m), float(depth_m * max(share, EDGE_SHARE)))
 

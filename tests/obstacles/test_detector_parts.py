@@ -140,6 +140,13 @@ def test_boxes_inside_those_of_another_part_are_the_same_object():
     assert unlike.tolist() == [0, 1, 2]
 
 
+def test_the_same_box_by_two_classes_is_one_object():
+    """A bicycle that the network also takes for a motorbike; a rider on it is another thing."""
+    boxes = np.array([[10, 10, 50, 40], [11, 10, 51, 40], [20, 0, 40, 35.0]])
+    scores, labels = np.array([0.6, 0.8, 0.7]), np.array([0, 1, 2])
+    assert best_boxes(boxes, scores, labels, overlap=0.5).tolist() == [1, 2]
+
+
 def test_threads_share_one_session(tmp_path):
     detector = loaded(red_finder(tmp_path / "a.onnx"), tiles=TILES)
     pictures = [street(20 + 10 * i, 10, 40 + 10 * i, 30) for i in range(16)]

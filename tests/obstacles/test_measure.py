@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pseudolidar.obstacles.measure import measured
 from pseudolidar.structures.box import Detection
-from tests.obstacles.scene import WALL_M, Thing, detection, sight
+from pseudolidar.structures.disparity import DepthMap
+from tests.obstacles.scene import (
+    EYE_HEIGHT_M,
+    HEIGHT,
+    WALL_M,
+    WIDTH,
+    Thing,
+    box_px,
+    detection,
+    sight,
+)
 
 # Seen from behind: as wide and high as cars and people are.
 CAR: Thing = ("Car", -1.0, 12.0, 1.65, 1.53)
@@ -85,9 +97,40 @@ def test_nothing_found_is_a_valid_result() -> None:
 
 
 def test_a_worse_rig_says_so() -> None:
-    from dataclasses import replace
-
     seen = sight((FAR_CAR,))
     stock = replace(seen, shared_px=0.5)
     (good,), (bad,) = (measured(one, [detection(FAR_CAR)]) for one in (seen, stock))
     assert bad.sigma_distance_m > good.sigma_distance_m + 0.3
+
+
+def test_a_thing_hidden_to_its_shoulders_stands_on_the_ground() -> None:
+    """Its box shows what is seen of it; the height is from the ground to the top of that."""
+    person, car = ("Pedestrian", 0.0, 12.0, 0.6, 1.75), ("Car", 0.0, 10.0, 3.9, 1.2)
+    left, top, right, _ = box_px(person)
+    behind = Detection("Pedestrian", (left, top, right, box_px(car)[1] - 1))
+    found = measured(sight([person, car]), [behind, detection(car)])[0]
+    assert found.distance_m == pytest.approx(12.0, abs=0.6)
+    assert found.box.height_m == pytest.approx(1.75, abs=0.2)
+    under = found.box.pose.matrix[1, 3] + found.box.height_m / 2
+    assert under == pytest.approx(EYE_HEIGHT_M, abs=0.1)
+
+
+def test_what_hangs_is_as_high_as_itself() -> None:
+    """A traffic light that the upper border cuts, 4 m above the ground."""
+    light = Detection("traffic light", (310.0, 0.0, 330.0, 40.0))
+    seen = sight([])
+    depth = seen.depth.values.copy()
+    depth[0:41, 310:331] = 15.0
+    found = measured(replace(seen, depth=replace(seen.depth, values=depth)), [light])[0]
+    assert abs(found.distance_m - 15.0) < 2 * found.sigma_distance_m
+    assert found.box.height_m < 2.5  # 40 px are 1.5 m; its top is 5.3 m above the ground
+
+
+def test_of_a_cut_box_without_points_its_size_is_a_bound_alone() -> None:
+    """A corner of something at the border may be small because it is cut."""
+    seen = sight([])
+    nothing = replace(seen, depth=DepthMap(np.full((HEIGHT, WIDTH), np.nan, np.float32)))
+    corner = Detection("Car", (630.0, 232.0, 639.0, 239.0))
+    (found,) = measured(nothing, [corner])
+    assert found.measured_by == "size"
+    assert found.distance_m - 2 * found.sigma_distance_m < 5.0

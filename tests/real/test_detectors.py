@@ -124,4 +124,4 @@ def test_what_is_labelled_to_30_m_is_found_by_its_points(real_data: Path) -> Non
         ]
     assert len(overlaps) == 7
     assert min(overlaps) > 0.3
-    assert np.mean(np.array(overlaps) > 0.5) >= 0.75
+    assert np.count_nonzero(np.array(overlaps) > 0.5) >= 5

@@ -8,6 +8,9 @@ from pseudolidar.structures.arrays import Bool, Float64, Int64
 
 # So many boxes are looked at, the best first: a network that is sure of more is sure of nothing.
 MOST_BOXES = 3000
+# Boxes that are as good as the same are of one object, whatever their classes: a bicycle that looks
+# like a motorbike, too.
+ONE_THING = 0.85
 
 
 def in_order(boxes: Float64, scores: Float64, labels: Int64) -> Int64:
@@ -27,6 +30,8 @@ def best_boxes(
 ) -> Int64:
     """Positions of the boxes that no better one of their class overlaps, the best first.
 
+    Boxes of other classes go only where they are as good as the same.
+
     Args:
         boxes: (N, 4) left, top, right, bottom, px.
         scores: (N,) 0-1.
@@ -44,7 +49,8 @@ def best_boxes(
         if parts is not None:
             contained = _shared(boxes, best, rest, "smaller") > inside
             same |= contained & (parts[rest] != parts[best])
-        left = rest[~(same & (labels[rest] == labels[best]))]
+        same &= labels[rest] == labels[best]
+        left = rest[~(same | _same_object(boxes, best, rest, ONE_THING))]
     return np.array(chosen, np.int64)
 
 

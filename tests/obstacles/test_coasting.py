@@ -1,0 +1,20 @@
+"""Tracks that are not seen are told where they should be, until they are passed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from pseudolidar.obstacles.coasting import coasting_obstacle
+from tests.formats.made_obstacles import car, upright
+from tests.obstacles.scene import CAMERA
+
+
+@pytest.mark.parametrize(("z_m", "told"), [(12.0, True), (0.5, True), (-0.2, False)])
+def test_what_is_half_behind_the_camera_has_been_passed(z_m: float, told: bool) -> None:
+    last = car()
+    # beside the camera, along its axis: its front is in the picture in each case
+    box = replace(last.box, pose=upright(0.9, 0.9, z_m, 0.0))
+    found = coasting_obstacle(replace(last.track, box=box), last, CAMERA)
+    assert (found is not None) is told
