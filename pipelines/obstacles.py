@@ -249,7 +249,7 @@ def run(job: Obstacles) -> ObstaclesReport:
             run.commit(frame)
             if is_too_near(job, frame.value.figures):
                 break
-        telling.finish()
+        telling.finish(run.committed)
         write_tables(job, told)
         if job.video:
             seen = {name: frame.obstacles for name, frame in told.items()}

@@ -26,7 +26,9 @@ ALL = "pcd,ply,bin,npz,disparity,depth,mcap"
 # The only files that may differ from run to run.
 OF_THE_RUN = {"run.json", "report.json", "report.html", JOURNAL_NAME}
 CHILDREN = multiprocessing.get_context("forkserver")
-CHILDREN.set_forkserver_preload(["pseudolidar.pipelines.convert", "cv2", "numba"])
+CHILDREN.set_forkserver_preload(
+    ["pseudolidar.pipelines.convert", "pseudolidar.pipelines.obstacles", "cv2", "numba", "av"]
+)
 KILLS = 10
 
 
@@ -57,7 +59,7 @@ def wait_for(condition, seconds=60.0):
         time.sleep(0.001)
 
 
-def killed_on_the_way(task, chance):
+def killed_on_the_way(task, chance, run=run):
     """Let a process commit one more frame, kill it a little later; lines of the journal then."""
     before = journal_lines(task.out)
     child = CHILDREN.Process(target=run, args=(task,))

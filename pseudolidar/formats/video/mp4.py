@@ -22,6 +22,8 @@ ENCODERS: dict[str, dict[str, str]] = {
 }
 # Frames from one key frame to the next: what seeking in a browser costs.
 KEY_EVERY = 50
+# Length of the head of a box, and of one whose length does not fit into 32 bits.
+BOX_BYTES, LARGE_BOX_BYTES = 8, 16
 
 
 def mp4_encoder() -> str:
@@ -43,7 +45,12 @@ def mp4_encoder() -> str:
 
 
 def write_mp4(
-    path: Path, pictures: Iterable[UInt8], ticks: Sequence[int], *, last_ticks: int
+    path: Path,
+    pictures: Iterable[UInt8],
+    ticks: Sequence[int],
+    *,
+    last_ticks: int,
+    comment: str = "",
 ) -> None:
     """Write pictures as a video, one thread, so that the bytes depend on them alone.
 
@@ -52,6 +59,7 @@ def write_mp4(
         pictures: (H, W, 3) RGB each, of one even size.
         ticks: when each is shown, 1/90000 s, increasing from 0.
         last_ticks: how long the last one is shown.
+        comment: kept in the file, for `mp4_comment`.
 
     Raises:
         StructureError: a picture of another or an odd size.
@@ -65,6 +73,8 @@ def write_mp4(
         # By name: putting the index in front needs to read what was written.
         try:
             with av.open(file.name, "w", format="mp4", options=options) as container:
+                if comment:
+                    container.metadata["comment"] = comment
                 stream: Any = None
                 for picture, start in zip(pictures, ticks, strict=True):
                     if stream is None:
@@ -76,6 +86,42 @@ def write_mp4(
                     container.mux(_timed(stream.encode(), shown))
         except av.error.FFmpegError as error:
             raise OSError(error.errno, error.strerror) from error
+
+
+def mp4_comment(path: Path) -> str:
+    """The comment that an MP4 was written with; nothing where it has none, or is cut or damaged."""
+    import av
+
+    if not _is_whole(path):
+        return ""
+    try:
+        with av.open(str(path)) as container:
+            return str(container.metadata.get("comment", ""))
+    except av.error.FFmpegError:
+        return ""
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether the boxes of a file follow one another to its last byte.
+
+    Source: ISO/IEC 14496-12, section 4.2.
+    """
+    try:
+        size = path.stat().st_size
+        with path.open("rb") as file:
+            offset = 0
+            while offset < size:
+                file.seek(offset)
+                head = file.read(LARGE_BOX_BYTES).ljust(LARGE_BOX_BYTES, b"\0")
+                length = int.from_bytes(head[:4], "big")
+                if length == 1:  # too long for 32 bits
+                    length = int.from_bytes(head[8:], "big")
+                if length < BOX_BYTES:
+                    return False
+                offset += length
+    except OSError:
+        return False
+    return 0 < size == offset
 
 
 def _stream(container: Any, picture: UInt8) -> Any:

@@ -92,6 +92,8 @@ class Journal:
         self._append(record.as_dict())
         if record.skipped is None:
             self.committed.add(record.id)
+        else:
+            self.committed.discard(record.id)
 
     def records(self) -> list[FrameRecord]:
         """The last record of each frame, read back from the file, in order of the source."""

@@ -6,6 +6,8 @@ video is put together at the end. So a run that was killed and continued gives t
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -19,10 +21,11 @@ from pseudolidar.evaluation.pictures import disparity_picture
 from pseudolidar.evaluation.preview_picture import Panel, compose, side_of_view
 from pseudolidar.formats.pictures.image import encode_jpeg, read_image
 from pseudolidar.formats.timestamps import NS_PER_S
-from pseudolidar.formats.video.mp4 import TICKS_PER_S, mp4_encoder, write_mp4
+from pseudolidar.formats.video.mp4 import TICKS_PER_S, mp4_comment, mp4_encoder, write_mp4
 from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.folder import inside
+from pseudolidar.running.journal.record import FrameRecord
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.reports.samples import photo_of
@@ -218,7 +221,7 @@ def preview_name(frame_id: str) -> str:
 def write_preview(run: Run, source: FrameSequence[Frame], preview: Preview) -> None:
     """Put the pictures of all committed frames together, at the pace of their times.
 
-    Nothing is done where the video is there and no frame has come since.
+    Nothing is done where the video of these frames is there, and whole.
 
     Args:
         run: which has committed the pictures.
@@ -245,7 +248,8 @@ def write_film(
 ) -> None:
     """Put a picture of each committed frame together, at the pace of their times.
 
-    Nothing is done where the film is there and no frame has come since.
+    The film says what it was made of; nothing is done where the film of these frames is there, and
+    whole.
 
     Args:
         run: which has committed the frames.
@@ -260,10 +264,13 @@ def write_film(
     path = run.folder / name
     result = run.result()
     names = [record.id for record in result.committed]
-    if not names or (path.exists() and not result.passed_now):
+    if not names:
         return
     times = dict(zip(source.ids, source.timestamps_ns, strict=True))
     steps = steps_ticks([times[name] for name in names], speed)
+    made_of = _digest(result.committed, steps)
+    if mp4_comment(path) == made_of:
+        return
     ticks = np.concatenate([[0], np.cumsum(steps[:-1])]).astype(np.int64)
     with FrameProgress(len(names), what=path.stem) as progress:
 
@@ -272,7 +279,14 @@ def write_film(
                 yield picture(name)
                 progress.advance()
 
-        write_mp4(path, _of_one_size(pictures()), ticks.tolist(), last_ticks=int(steps[-1]))
+        shown = _of_one_size(pictures())
+        write_mp4(path, shown, ticks.tolist(), last_ticks=int(steps[-1]), comment=made_of)
+
+
+def _digest(committed: Sequence[FrameRecord], steps: Sequence[int]) -> str:
+    """Of what a film is made of: the files of its frames, and for how long each is shown."""
+    files = [[record.id, *(file.crc32 for file in record.files)] for record in committed]
+    return hashlib.sha256(json.dumps([files, list(steps)]).encode()).hexdigest()
 
 
 def steps_ticks(stamps_ns: Sequence[int], speed: float) -> list[int]:

@@ -73,12 +73,16 @@ class Telling:
         (data,) = (file.data for file in product.files if file.name == found_name(name))
         return self._tell(name, parse_found(data, where=name))
 
-    def finish(self) -> dict[str, ToldFrame]:
-        """All frames by their ids, those that were committed earlier after the last one done too.
+    def finish(self, committed: Collection[str]) -> dict[str, ToldFrame]:
+        """All frames by their ids, those that are committed after the last one done too.
+
+        Args:
+            committed: all that are whole, also of frames that this run had no need to come to.
 
         Raises:
             LabelError, SequenceTime: as a frame that was done.
         """
+        self._committed = frozenset(committed)
         self._tell_committed(self._left)
         return self.told
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pseudolidar.errors import OutputError, StructureError
-from pseudolidar.formats.video.mp4 import ENCODERS, TICKS_PER_S, mp4_encoder, write_mp4
+from pseudolidar.formats.video.mp4 import ENCODERS, TICKS_PER_S, mp4_comment, mp4_encoder, write_mp4
 from tests.videos import decoded, pictures
 
 
@@ -81,3 +81,16 @@ def test_a_failure_leaves_nothing(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         write_mp4(tmp_path / "a.mp4", stopped(), [0, 900], last_ticks=900)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_comment_is_told_of_a_whole_file_alone(tmp_path):
+    path = tmp_path / "a.mp4"
+    write_mp4(path, pictures(3, 64, 48), [0, 900, 1800], last_ticks=900, comment="of three")
+    whole = path.read_bytes()
+    assert mp4_comment(path) == "of three"
+    for broken in (whole[:-1], whole[: len(whole) // 2], whole[:7], b"", whole + b"\0", b"\0" * 64):
+        path.write_bytes(broken)
+        assert mp4_comment(path) == ""
+    assert mp4_comment(tmp_path / "none.mp4") == ""
+    write_mp4(path, pictures(3, 64, 48), [0, 900, 1800], last_ticks=900)
+    assert mp4_comment(path) == ""

@@ -60,7 +60,7 @@ def told_all(folder, *, earlier=(), **where):
     for name in IDS:
         if name not in earlier:
             telling(name, product(name, **where))
-    return telling.finish()
+    return telling.finish(earlier)
 
 
 @pytest.fixture(scope="module")
