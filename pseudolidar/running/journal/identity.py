@@ -30,8 +30,6 @@ WITH_FILES = ("matcher", "detector", "also")
 NETWORK, NETWORK_FILE, OTHER_FILES, BOXES = "onnx", "path", ("names", "image"), "boxes"
 # Settings of `convert` that are folders of maps in place of a matcher.
 GIVEN_MAPS = ("disparity", "depth")
-# Settings of `obstacles` that may name files.
-DETECTORS = ("detector", "also")
 _UNFIT_FOR_A_NAME = re.compile(r"[^\w.+-]+")
 
 
@@ -100,16 +98,6 @@ def without_places(settings: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in settings.items() if key not in places} | {"source": source}
 
 
-def _without_folders(value: Any) -> Any:
-    """Settings as plain JSON values, of files their names alone."""
-    match value:
-        case dict():
-            return {key: _without_folders(item) for key, item in value.items()}
-        case str() if "/" in value:
-            return Path(value).name
-    return value
-
-
 def calibration_text(source: FrameSequence[Frame]) -> str:
     """The rig as JSON, without the words about its origin, which may name files.
 
@@ -135,7 +123,6 @@ def prologue(job: Any, source: FrameSequence[Frame]) -> McapProlog:
     from pseudolidar.formats.mcap.prolog import describe_recording
 
     settings = without_places(result_settings(job))
-    settings |= {name: _without_folders(settings[name]) for name in DETECTORS if name in settings}
     synthetic = any(SYNTHETIC_TIME in note for note in source.summary.notes)
     return describe_recording(
         version=__version__,
