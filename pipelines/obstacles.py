@@ -57,7 +57,7 @@ from pseudolidar.running.products.product import Product
 from pseudolidar.running.products.recording import RecordingPlan
 from pseudolidar.running.products.told import Telling, ToldFrame
 from pseudolidar.running.products.told_recording import found_parts, told_parts
-from pseudolidar.running.reports.obstacles_page import MOST_PICTURES, write_obstacles_page
+from pseudolidar.running.reports.obstacles_page import pictures_for, write_obstacles_page
 from pseudolidar.running.reports.obstacles_report import ObstaclesReport
 from pseudolidar.running.reports.samples import sampled_frames
 from pseudolidar.running.run import Run
@@ -311,7 +311,8 @@ class ObstaclesFrame:
         sight = SightFrame.of(match, job.ground)
         plain = cls(sight, detect, job.corridor, job.near, job.to, job.mcap)
         if not job.video:
-            return replace(plain, pictured=sampled_frames(source.ids, MOST_PICTURES))
+            shown = sampled_frames(source.ids, pictures_for(len(source.ids)))
+            return replace(plain, pictured=shown)
         return replace(plain, artist=ObstacleArtist.of(source, sight, crew=job.crew))
 
     def __call__(self, frame: Frame) -> Product:

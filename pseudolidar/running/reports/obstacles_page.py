@@ -35,6 +35,8 @@ from pseudolidar.structures.obstacle import Obstacle
 
 # Pictures of a page, and how wide they are, px.
 MOST_PICTURES, PICTURE_PX = 6, 1500
+# A picture takes a third of the time of a frame.
+FRAMES_PER_PICTURE = 5
 # Rows of a page: the nearest of each frame first.
 MOST_ROWS = 200
 NONE = "-"
@@ -233,6 +235,11 @@ def _class_row(name: str, frames: Mapping[str, Sequence[Obstacle]]) -> tuple[str
 def _seen(frames: Mapping[str, Sequence[Obstacle]]) -> list[Obstacle]:
     """All but those that are only predicted."""
     return [one for found in frames.values() for one in found if not one.coasts]
+
+
+def pictures_for(frames: int) -> int:
+    """How many of so many frames are shown."""
+    return min(MOST_PICTURES, max(1, frames // FRAMES_PER_PICTURE))
 
 
 def _nearest(frames: Mapping[str, Sequence[Obstacle]]) -> tuple[Obstacle, str]:
