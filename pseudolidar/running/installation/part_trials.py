@@ -76,6 +76,7 @@ def filters() -> str:
     from pseudolidar.geometry.normals import normals_of_neighbours
     from pseudolidar.geometry.rectified_pixels import unmasked
     from pseudolidar.geometry.warping import Warp
+    from pseudolidar.mapping.patches import find_patches
     from pseudolidar.stereo.filters.clean import Clean
     from pseudolidar.stereo.filters.filled_map import Surfaces
     from pseudolidar.stereo.filters.map_filter import MapFilters
@@ -97,6 +98,8 @@ def filters() -> str:
     _check(not cleaned.reason[:, _SHIFT_PX:].any(), "a flat wall, cleaned")
     there = Warp.by(values, frame.rig, np.eye(4)).maps[0]
     _check(np.allclose(there, np.arange(_WIDTH), atol=0.01), "a flat wall, seen from where it was")
+    patches = find_patches(DisparityMap(values), frame.rig)
+    _check(bool(np.allclose(patches.normals[:, 2], -1)), "patches of a flat wall")
     _check(_still_pose(frame.rig) < 1e-3, "the motion of a camera that stands still")
     shown = np.ones((_HEIGHT, _WIDTH), bool)
     shown[:, _WIDTH // 2 :] = False
