@@ -82,7 +82,8 @@ def test_ctrl_c_ends_it_and_its_processes_and_threads_may_go_on(long_drive, tmp_
     out, _ = run.communicate(timeout=5)
     assert run.returncode == 130
     assert "the same command continues" in out
-    assert psutil.wait_procs(hands, timeout=1)[1] == []
+    # orphans that ended stay until init looks
+    assert psutil.wait_procs(hands, timeout=15)[1] == []
     assert main(["convert", str(long_drive), str(tmp_path), "--to", "pcd,mcap"]) == 0
     assert tree(tmp_path) == reference
 

@@ -18,6 +18,7 @@ from pseudolidar.formats.labels import read_labels, read_tracking_labels
 from pseudolidar.formats.obstacle_json import obstacle_fields, obstacle_of
 from pseudolidar.formats.points.pcd import read_pcd
 from pseudolidar.formats.rigs.kitti_calibration import FRAME_CAM0
+from pseudolidar.running.reports.obstacles_page import pictures_for
 from pseudolidar.structures.pose import Pose
 
 FRAMES = ("000000", "000001")
@@ -68,7 +69,7 @@ def test_every_obstacle_has_a_line_in_both_tables(found) -> None:
 def test_each_labelled_object_is_told_beside_its_label(street, found, tmp_path, capsys) -> None:
     """In --json and on the page, as `evaluate` has them; on the terminal where they are few."""
     page = (found / "report.html").read_text()
-    assert page.count("data:image/jpeg") == len(FRAMES)
+    assert page.count("data:image/jpeg") == pictures_for(len(FRAMES)) == 1
     job = ("obstacles", street, str(found), "--detector", "labels")
     labelled = told(capsys, *job)["labelled"]
     judged = told(capsys, "evaluate", "obstacles", street)
