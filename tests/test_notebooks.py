@@ -14,6 +14,7 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 FIGURES = {
     "01_disparity_to_depth": (9, 13),
     "02_against_velodyne": (7, 12),
+    "03_obstacles": (6, 11),
 }  # without and with real data
 CELL_LIMIT_S = 300  # a cell that hangs; the slowest takes seconds
 
