@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -26,7 +26,7 @@ from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
-from pseudolidar.running.journal.record import OutputFile
+from pseudolidar.running.journal.record import FrameRecord, OutputFile
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.networks import networks_of
@@ -126,7 +126,7 @@ class Obstacles:
         corridor: watch a corridor ahead, WIDTHxHEIGHTxLENGTH in m, and tell the nearest thing in
             it, whatever it is, how fast it comes nearer, and when it is reached: corridor.csv.
         stop_at: end the run, with exit code 10, at the first frame in which something in the
-            corridor is nearer than this, m.
+            corridor is nearer than this, m; the same command again stays stopped there.
         near: write near/ID.png for each frame: white where something that is no ground is nearer
             than this, m.
         objects: where there are labels, print each beside what was measured of it, however many
@@ -241,6 +241,8 @@ def run(job: Obstacles) -> ObstaclesReport:
         )
         telling = Telling(job.out, source.ids, run.committed & settled, job.track)
         told = telling.told  # so far, should the run be stopped
+        if stopped_at(job, run.records()):  # before: it stays where it stopped
+            settled = frozenset(source.ids)
         outcomes = stream(source, per_frame, crew=job.crew, skip=settled, in_flight=run.in_flight)
         for frame in run.good(outcomes):
             told_frame = telling(frame.id, frame.value)  # in order: who is who
@@ -363,6 +365,11 @@ def is_too_near(job: Obstacles, figures: Mapping[str, Any]) -> bool:
     """Whether something in the corridor of a frame is nearer than `stop_at`."""
     ahead = ahead_of(figures)
     return job.stop_at is not None and ahead is not None and ahead.distance_m < job.stop_at
+
+
+def stopped_at(job: Obstacles, records: Iterable[FrameRecord]) -> bool:
+    """Whether one of the frames that are done ended the run."""
+    return any(is_too_near(job, record.figures) for record in records)
 
 
 def write_tables(job: Obstacles, told: Mapping[str, ToldFrame]) -> None:

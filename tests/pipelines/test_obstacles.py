@@ -292,5 +292,9 @@ def test_a_corridor_stops_a_robot(street, tmp_path, capsys) -> None:
     limit = str(nearest["distance_m"] + 1)
     found = told(capsys, *job, "--near", "15", "--stop-at", limit, code=10)
     assert found["corridor"]["too_near"]["sure"] > 0.5
+    anew = ("obstacles", street, str(tmp_path / "anew"), "--detector", "none")
+    for _ in range(2):  # the same command stays stopped where it stopped
+        stopped = told(capsys, *anew, "--corridor", "6x2x60", "--stop-at", "60", code=10)
+        assert stopped["committed"] == 1
     error = told(capsys, "obstacles", street, str(tmp_path), "--stop-at", "3", code=2)["error"]
     assert "--corridor" in error["fix"]
