@@ -179,6 +179,7 @@ def kitti(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
+@pytest.mark.slow
 def test_all_drives_of_a_folder_with_one_table(kitti, tmp_path, capsys):
     out = tmp_path / "out"
     told = result(capsys, kitti, out, "--all", "--to", "none")

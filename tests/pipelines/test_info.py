@@ -329,6 +329,7 @@ def test_large_files_are_told_by_their_header(tmp_path):
 
 
 @pytest.mark.real
+@pytest.mark.slow
 def test_everything_of_the_real_data(real_data, capsys):
     paths = [p for p in sorted(real_data.rglob("*")) if p.is_dir() or p.suffix not in {".png",
              ".jpg", ".bin"}]  # fmt: skip

@@ -78,7 +78,7 @@ def test_the_offset_of_drive_0002_takes_far_bias_away(raw):
 
 
 @pytest.mark.real
-@pytest.mark.parametrize("scale", ["poses", "near"])
+@pytest.mark.parametrize("scale", ["poses", pytest.param("near", marks=pytest.mark.slow)])
 def test_near_depths_of_drive_0002_get_no_worse(raw, scale):
     """The offset alone makes 0.5 % of bias at 5 to 10 m 2.0, and 0.4 % at 10 to 20 m 2.3."""
     fit = raw.motion(scale=scale)
