@@ -37,6 +37,13 @@ $(VENV)/installed-dev: $(VENV)/installed
 demo: $(VENV)/installed ## install, convert the synthetic drive to out/demo, say what to open
 	$(BIN)/pseudolidar demo
 
+# The viewer is tested in a real browser; where none can be had these tests say so and are skipped.
+$(VENV)/browser: | $(VENV)/installed-dev
+	@command -v chromium >/dev/null || command -v chromium-browser >/dev/null \
+		|| { apt-get update -qq && apt-get install -y -qq chromium; } >/dev/null 2>&1 \
+		|| echo "no Chromium: tests of the viewer in a browser are skipped"
+	@touch $@
+
 lint: $(VENV)/installed-dev ## style, types, imports
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -46,7 +53,7 @@ lint: $(VENV)/installed-dev ## style, types, imports
 # Files of tests are dealt out to so many processes, in the order that tests/conftest.py gives them:
 # what takes long first.
 PROCESSES ?= 2
-test: lint ## lint, then all tests
+test: lint $(VENV)/browser ## lint, then all tests
 	$(BIN)/python -m pytest --numprocesses $(PROCESSES) --dist loadfile --no-loadscope-reorder
 
 format: $(VENV)/installed-dev ## format the code and mend what can be mended

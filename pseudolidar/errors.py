@@ -455,6 +455,12 @@ class CameraChanged(CameraFault):
     advice = "Fix the size with --camera.size."
 
 
+class ServeError(EnvironmentFault):
+    """The viewer cannot be served: its port is taken, or its host is none of this machine."""
+
+    advice = "Choose another with --port and --host, or --port auto."
+
+
 class MissingDependency(EnvironmentFault):
     """A library or system component is absent or does not load."""
 

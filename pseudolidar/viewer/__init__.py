@@ -1,0 +1,1 @@
+"""Everything that this package makes, looked at in a browser."""

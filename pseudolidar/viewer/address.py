@@ -1,0 +1,61 @@
+"""Where to listen: this machine alone, unless somebody says otherwise."""
+
+from __future__ import annotations
+
+import errno
+import socket
+from dataclasses import dataclass
+
+from pseudolidar.errors import ServeError
+
+LOOPBACK = "127.0.0.1"
+# Connections that may wait to be taken.
+BACKLOG = 64
+
+
+@dataclass(frozen=True)
+class Address:
+    """Where to serve.
+
+    Args:
+        host: to bind to; others than loopback let other machines in, who still need the token.
+        port: 1 to 65535, or 0 for any that is free.
+        names: what this machine is called by those who come from others.
+    """
+
+    host: str = LOOPBACK
+    port: int = 8080
+    names: tuple[str, ...] = ()
+
+    @property
+    def loopback(self) -> bool:
+        """Whether only this machine can come."""
+        return self.host in (LOOPBACK, "::1", "localhost")
+
+    def bound(self) -> socket.socket:
+        """A socket that listens there.
+
+        Raises:
+            ServeError: the port is taken, or the host is none of this machine.
+        """
+        where = f"{self.host}:{self.port}"
+        try:
+            family, _, _, _, place = socket.getaddrinfo(
+                self.host, self.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+            )[0]
+            listening = socket.socket(family, socket.SOCK_STREAM)
+        except OSError as error:
+            raise ServeError(f"host {self.host}: {error.strerror or error}", where=where) from None
+        try:
+            listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            listening.bind(place)
+            listening.listen(BACKLOG)
+        except OSError as error:
+            listening.close()
+            taken = error.errno == errno.EADDRINUSE
+            raise ServeError(
+                "the port is in use" if taken else f"cannot listen there: {error.strerror}",
+                want="a free port" if taken else "an address of this machine",
+                where=where,
+            ) from None
+        return listening

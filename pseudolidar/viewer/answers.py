@@ -1,0 +1,89 @@
+"""What is sent to browsers, and the headers that keep it to them."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import TYPE_CHECKING
+
+from pseudolidar.viewer.guard import Refused
+
+if TYPE_CHECKING:
+    from websockets.http11 import Response
+
+_log = logging.getLogger(__name__)
+
+# What a page may load: itself. viser's page is one file with its scripts inside, and decodes in
+# WebAssembly and workers; other addresses, Draco's decoder among them, are out of reach.
+POLICY = "; ".join(
+    (
+        "default-src 'none'",
+        "script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:",
+        "style-src 'self' 'unsafe-inline'",
+        "img-src 'self' data: blob:",
+        "font-src 'self' data:",
+        "media-src 'self' blob:",
+        "worker-src 'self' blob:",
+        "connect-src 'self' data: blob:",
+        "frame-src 'self'",
+        "base-uri 'none'",
+        "form-action 'none'",
+    )
+)
+
+# A page of our own: what it answers to a query.
+Page = Callable[[Mapping[str, str]], "Answer"]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a page of our own sends.
+
+    Args:
+        body: its bytes.
+        kind: its MIME type.
+        status: of HTTP.
+        download: name of the file to save it as; "" to show it.
+    """
+
+    body: bytes
+    kind: str = "application/json"
+    status: HTTPStatus = HTTPStatus.OK
+    download: str = ""
+
+
+def refusal(refused: Refused) -> Response:
+    """What one gets who is not let in; the log is told why."""
+    _log.info("refused: %s", refused.why)
+    text = f"{refused.status.value} {refused.status.phrase}\n".encode()
+    return closed_in(response(Answer(text, "text/plain", refused.status)), framed="'none'")
+
+
+def response(answer: Answer) -> Response:
+    """An answer as websockets sends it."""
+    from websockets.datastructures import Headers
+    from websockets.http11 import Response
+
+    headers = Headers({"Content-Type": answer.kind, "Content-Length": str(len(answer.body))})
+    if answer.download:
+        headers["Content-Disposition"] = f'attachment; filename="{answer.download}"'
+    return Response(answer.status.value, answer.status.phrase, headers, answer.body)
+
+
+def closed_in(sent: Response, *, framed: str) -> Response:
+    """The same with headers that keep a page to itself.
+
+    Args:
+        sent: of any page.
+        framed: who may show it within a page: "'none'" or "'self'".
+    """
+    sent.headers["Content-Security-Policy"] = f"{POLICY}; frame-ancestors {framed}"
+    sent.headers["X-Frame-Options"] = "DENY" if framed == "'none'" else "SAMEORIGIN"
+    sent.headers["X-Content-Type-Options"] = "nosniff"
+    sent.headers["Referrer-Policy"] = "no-referrer"
+    sent.headers["Cross-Origin-Opener-Policy"] = "same-origin"
+    sent.headers["Cross-Origin-Resource-Policy"] = "same-origin"
+    sent.headers["Cache-Control"] = "no-store"
+    return sent

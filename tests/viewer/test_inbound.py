@@ -1,0 +1,122 @@
+"""What browsers may say, message by message."""
+
+import math
+
+import numpy as np
+import pytest
+
+from pseudolidar.viewer.inbound import MESSAGE_BYTES, TEXT_LENGTH, Control, fault_of
+
+CONTROLS = {
+    "slider": Control(5, 0, 10),
+    "number": Control(0.5),
+    "check": Control(True),
+    "text": Control("a"),
+    "choice": Control("a", options=("a", "b")),
+    "vector": Control((0.0, 1.0), 0.0, 1.0),
+}
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": [1.0, 0, 0, 0],
+    "position": [0.0, 0, 1],
+    "fov": 1.0,
+    "near": 0.1,
+    "far": 100.0,
+    "image_height": 600,
+    "image_width": 800,
+    "look_at": [0.0, 0, 0],
+    "up_direction": [0.0, 0, 1],
+}
+
+
+def fault(message: object, size: int = 100, due: int = 0) -> str:
+    return fault_of(message, size, CONTROLS.get, pictures_due=due)
+
+
+def update(uuid: object, **updates: object) -> dict[str, object]:
+    return {"type": "GuiUpdateMessage", "uuid": uuid, "updates": updates}
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        CAMERA,
+        update("slider", value=7),
+        update("slider", value=7.5),
+        update("number", value=-3),
+        update("check", value=False),
+        update("text", value="b" * TEXT_LENGTH),
+        update("choice", value="b"),
+        update("vector", value=[0.0, 1.0]),
+        {"type": "CommandTriggerMessage", "uuid": "x"},
+    ],
+)
+def test_what_a_browser_says_passes(message: dict[str, object]):
+    assert fault(message) == ""
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        None,
+        [],
+        "text",
+        {},
+        {"type": 3},
+        {"type": "ShareUrlRequest"},
+        {"type": "RunJavascriptMessage", "source": "alert(1)"},
+        {"type": "FileTransferStartUpload", "filename": "../x"},
+        {"type": "ViewerCameraMessage"},
+        CAMERA | {"fov": math.nan},
+        CAMERA | {"fov": "1"},
+        CAMERA | {"near": True},
+        CAMERA | {"position": [0.0, 0, math.inf]},
+        CAMERA | {"position": [0.0, 0]},
+        CAMERA | {"position": [0.0, 0, 1e30]},
+        CAMERA | {"image_width": -1},
+        CAMERA | {"image_width": 1.5},
+        CAMERA | {"more": 1},
+        update("slider", value=11),
+        update("slider", value=-1),
+        update("slider", value="7"),
+        update("slider", value=True),
+        update("slider", value=math.nan),
+        update("slider", value=None),
+        update("slider", update_cb=[]),
+        update("slider", value=7, visible=False),
+        update("slider"),
+        update("number", value=10**400),
+        update("check", value=1),
+        update("text", value=3),
+        update("text", value="b" * (TEXT_LENGTH + 1)),
+        update("choice", value="c"),
+        update("vector", value=[0.0, 2.0]),
+        update("vector", value=[0.0, 1.0, 1.0]),
+        update("vector", value="01"),
+        update("nobody", value=1),
+        update(3, value=1),
+    ],
+)
+def test_what_no_browser_of_ours_says_is_refused(message: object):
+    assert fault(message)
+
+
+def test_long_messages_are_refused_except_pictures_that_were_asked_for():
+    picture = {"type": "GetRenderResponseMessage", "payload": b"x", "render_uuid": "a"}
+    assert fault(CAMERA, MESSAGE_BYTES + 1)
+    assert fault(picture, 10)
+    assert fault(picture, MESSAGE_BYTES + 1, due=1) == ""
+
+
+def test_ten_thousand_mangled_messages_get_a_word_and_no_exception():
+    rng = np.random.default_rng(5)
+    pieces = [None, True, -1, 2**70, 1e300, math.nan, "", "a" * 9999, b"", [], {}, [[[]]], {1: 2}]
+    messages = [CAMERA, update("slider", value=7), update("vector", value=[0.0, 1.0])]
+    passed = 0
+    for _ in range(10_000):
+        message = dict(messages[rng.integers(len(messages))])
+        key = list(message)[rng.integers(len(message))]
+        message[key] = pieces[rng.integers(len(pieces))]
+        passed += fault(message) == ""
+    # Small whole numbers fit where heights and the like are wanted.
+    assert passed < 500
