@@ -12,34 +12,24 @@ from typing import Annotated, Any
 from pseudolidar.clouds.ground_fit import GroundFit
 from pseudolidar.errors import UsageError
 from pseudolidar.formats.atomic import write_atomic
-from pseudolidar.formats.mcap.content import DEFAULT_CONTENT, McapContent
-from pseudolidar.formats.pictures.image import encode_png
+from pseudolidar.formats.mcap.content import McapContent
 from pseudolidar.formats.rigs.rig_reading import RigUnit
-from pseudolidar.obstacles.corridor import Corridor, near_mask, nearest_ahead
-from pseudolidar.obstacles.detector import Detector
+from pseudolidar.obstacles.corridor import STOP_CHANCE, Corridor, StopRule
 from pseudolidar.obstacles.detectors import AnyDetector, asked
 from pseudolidar.obstacles.labels import Labels
-from pseudolidar.obstacles.measure import measured
 from pseudolidar.obstacles.tracker import Tracker
 from pseudolidar.running.apart import check_apart, paths_read
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
+from pseudolidar.running.finding import NEAR_FOLDER, FindFrame
 from pseudolidar.running.folder import check_usable
-from pseudolidar.running.journal.record import FrameRecord, OutputFile
+from pseudolidar.running.journal.record import FrameRecord
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.networks import networks_of
-from pseudolidar.running.products.corridor_table import (
-    ahead_figures,
-    ahead_of,
-    write_corridor,
-)
-from pseudolidar.running.products.found import (
-    FOUND_FOLDER,
-    Found,
-    found_file,
-)
+from pseudolidar.running.products.corridor_table import view_of, write_corridor
+from pseudolidar.running.products.found import FOUND_FOLDER
 from pseudolidar.running.products.found_clouds import (
     KITTI,
     TRACKING_NAME,
@@ -53,12 +43,11 @@ from pseudolidar.running.products.obstacle_film import (
     write_obstacle_film,
 )
 from pseudolidar.running.products.obstacle_tables import encode_csv, encode_jsonl
-from pseudolidar.running.products.product import Product
 from pseudolidar.running.products.recording import RecordingPlan
 from pseudolidar.running.products.told import Telling, ToldFrame
-from pseudolidar.running.products.told_recording import found_parts, told_parts
+from pseudolidar.running.products.told_recording import told_parts
 from pseudolidar.running.reports.obstacles_page import pictures_for, write_obstacles_page
-from pseudolidar.running.reports.obstacles_report import ObstaclesReport
+from pseudolidar.running.reports.obstacles_report import TOO_NEAR, ObstaclesReport
 from pseudolidar.running.reports.samples import sampled_frames
 from pseudolidar.running.run import Run
 from pseudolidar.running.settings_schema import described
@@ -79,7 +68,7 @@ from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.recorded import Frame
 
 _log = logging.getLogger(__name__)
-TABLES, CORRIDOR, NEAR_FOLDER = ("obstacles.jsonl", "obstacles.csv"), "corridor.csv", "near"
+TABLES, CORRIDOR = ("obstacles.jsonl", "obstacles.csv"), "corridor.csv"
 
 
 @dataclass(frozen=True)
@@ -124,9 +113,12 @@ class Obstacles:
             over ground where the source has poses, else relative to the cameras. For frames that
             follow one another.
         corridor: watch a corridor ahead, WIDTHxHEIGHTxLENGTH in m, and tell the nearest thing in
-            it, whatever it is, how fast it comes nearer, and when it is reached: corridor.csv.
+            it, whatever it is, how fast it comes nearer, and when it is reached, or whether the
+            corridor is free or cannot be seen: corridor.csv.
         stop_at: end the run, with exit code 10, at the first frame in which something in the
-            corridor is nearer than this, m; the same command again stays stopped there.
+            corridor may be nearer than this, m; the same command again stays stopped there.
+        stop_chance: it may be nearer than that where the probability of it, by its distance and the
+            error of that, is at least this, 0-1. At 0.5 the distance alone decides.
         near: write near/ID.png for each frame: white where something that is no ground is nearer
             than this, m.
         objects: where there are labels, print each beside what was measured of it, however many
@@ -165,6 +157,7 @@ class Obstacles:
     track: Tracker | None = None
     corridor: Corridor | None = None
     stop_at: Annotated[float | None, RUN_ONLY] = None
+    stop_chance: Annotated[float, RUN_ONLY] = STOP_CHANCE
     near: float | None = None
     objects: Annotated[bool, RUN_ONLY] = False
     frames: FrameSelection | None = None
@@ -186,10 +179,17 @@ class Obstacles:
             value = getattr(self, name)
             if value is not None and not 0 < value < math.inf:
                 raise UsageError(f"{value:g} m", want="above 0", where=f"--{name}")
+        if not 0 < self.stop_chance < 1:
+            raise UsageError(f"{self.stop_chance:g}", want="between 0 and 1", where="--stop-chance")
         if self.stop_at is not None and self.corridor is None:
             raise UsageError(
                 "--stop-at without a corridor", want="one", fix="Add --corridor 2x2x30."
             )
+
+    @property
+    def stop(self) -> StopRule | None:
+        """When the run ends because something is too near."""
+        return None if self.stop_at is None else StopRule(self.stop_at, self.stop_chance)
 
     @property
     def tracking(self) -> bool:
@@ -223,7 +223,7 @@ def run(job: Obstacles) -> ObstaclesReport:
     """Every frame of the source: match, find, measure; commit in order; tables at the end."""
     source = opened(job)
     check_usable(job.out)
-    per_frame = ObstaclesFrame.of(job, source)
+    per_frame = finder(job, source)
     recording = RecordingPlan.of(job, source, wanted=job.to.recording)
     products = (*recording.names, *job.products)
     check_apart(job.out, paths_read(job.source), (*job.folders, *products), overwrite=job.overwrite)
@@ -243,6 +243,7 @@ def run(job: Obstacles) -> ObstaclesReport:
         told = telling.told  # so far, should the run be stopped
         if stopped_at(job, run.records()):  # before: it stays where it stopped
             settled = frozenset(source.ids)
+            run.halt(TOO_NEAR)
         outcomes = stream(source, per_frame, crew=job.crew, skip=settled, in_flight=run.in_flight)
         for frame in run.good(outcomes):
             told_frame = telling(frame.id, frame.value)  # in order: who is who
@@ -250,6 +251,7 @@ def run(job: Obstacles) -> ObstaclesReport:
             log.append(frame.id, parts)
             run.commit(frame)
             if is_too_near(job, frame.value.figures):
+                run.halt(TOO_NEAR)
                 break
         telling.finish(run.committed)
         write_tables(job, told)
@@ -266,105 +268,36 @@ def run(job: Obstacles) -> ObstaclesReport:
         rig=source.rig,
         settings=chosen(job),
         corridor=corridor,
-        stop_at_m=job.stop_at,
+        stop=job.stop,
     )
     files = (*(job.out / name for name in recording.files.values()), *written(job), page)
     judged = tuple(one for frame in told.values() for one in frame.judged)
-    return ObstaclesReport(result, job.out, files, corridor, job.stop_at, judged, job.objects)
+    return ObstaclesReport(result, job.out, files, corridor, job.stop, judged, job.objects)
 
 
-@dataclass(frozen=True)
-class ObstaclesFrame:
-    """One frame to its obstacles: pure, picklable, one thread.
-
-    Args:
-        sight: frame to depth and ground.
-        detect: says where objects are; None where nothing is asked.
-        corridor: what is watched, if anything.
-        near_m: things nearer than this get a mask; None for none.
-        to: what else is written of a frame.
-        content: what the recording holds, where there is to be one.
-        artist: makes pictures to draw obstacles into.
-        pictured: the frames that it makes them of; None for all, as a film needs.
-    """
-
-    sight: SightFrame
-    detect: Detector | None
-    corridor: Corridor | None = None
-    near_m: float | None = None
-    to: FoundOutputs = field(default_factory=FoundOutputs)
-    content: McapContent = DEFAULT_CONTENT
-    artist: ObstacleArtist = field(default_factory=ObstacleArtist)
-    pictured: frozenset[str] | None = None
-
-    @classmethod
-    def of(cls, job: Obstacles, source: FrameSequence[Frame]) -> ObstaclesFrame:
-        """With everything heavy loaded."""
-        match = MatchFrame.load(
-            source,
-            job.matcher,
-            Refining(),
-            job.clean,
-            eyes=Eyes(job.rows, job.balance),
-            min_depth_m=job.min_depth,
-        )
-        detector = asked(job.detector, job.also)
-        detect = None if detector is None else detector.load()
-        sight = SightFrame.of(match, job.ground)
-        plain = cls(sight, detect, job.corridor, job.near, job.to, job.mcap)
-        if not job.video:
-            shown = sampled_frames(source.ids, pictures_for(len(source.ids)))
-            return replace(plain, pictured=shown)
-        return replace(plain, artist=ObstacleArtist.of(source, sight, crew=job.crew))
-
-    def __call__(self, frame: Frame) -> Product:
-        """Find, and encode what was found.
-
-        Raises:
-            PseudolidarError: as `found`.
-        """
-        found = self.found(frame)
-        files = [found_file(found), *self.to.files(found)]
-        if self.near_m is not None:
-            mask = near_mask(found.seen.sight, self.near_m)
-            files.append(OutputFile.of(f"{NEAR_FOLDER}/{frame.id}.png", encode_png(mask)))
-        if self.pictured is None or frame.id in self.pictured:
-            files += self.artist.files(frame, found.seen)
-        parts = found_parts(found, self.content) if self.to.recording else {}
-        return Product(tuple(files), parts, figures(found))
-
-    def found(self, frame: Frame) -> Found:
-        """Match, reproject, detect, measure; the nearest obstacle first.
-
-        Raises:
-            PairIdentical, LowTexture, MapEmpty: there is nothing to be seen.
-            LabelError: the detector has nothing to go by.
-        """
-        seen = self.sight(frame)
-        detections = () if self.detect is None else self.detect(seen.sight)
-        obstacles = measured(seen.sight, detections)
-        nearest_first = sorted(obstacles, key=lambda obstacle: obstacle.distance_m)
-        ahead = None if self.corridor is None else nearest_ahead(seen.sight, self.corridor)
-        return Found(frame, seen, tuple(nearest_first), ahead)
-
-
-def figures(found: Found) -> dict[str, Any]:
-    """Of one frame, for the report."""
-    told: dict[str, Any] = {
-        "obstacles": len(found.obstacles),
-        "density": float(found.seen.sight.depth.valid.mean()),
-    }
-    if found.frame.notes:
-        told["notes"] = list(found.frame.notes)
-    if found.obstacles:
-        told["nearest_m"] = found.obstacles[0].distance_m
-    return told | ahead_figures(found.ahead)
+def finder(job: Obstacles, source: FrameSequence[Frame]) -> FindFrame:
+    """What each frame passes, with everything heavy loaded."""
+    match = MatchFrame.load(
+        source,
+        job.matcher,
+        Refining(),
+        job.clean,
+        eyes=Eyes(job.rows, job.balance),
+        min_depth_m=job.min_depth,
+    )
+    detector = asked(job.detector, job.also)
+    detect = None if detector is None else detector.load()
+    sight = SightFrame.of(match, job.ground, searched_px=job.searching.searched_px(source))
+    plain = FindFrame(sight, detect, job.corridor, job.near, job.to, job.mcap)
+    if not job.video:
+        return replace(plain, pictured=sampled_frames(source.ids, pictures_for(len(source.ids))))
+    return replace(plain, artist=ObstacleArtist.of(source, sight, crew=job.crew))
 
 
 def is_too_near(job: Obstacles, figures: Mapping[str, Any]) -> bool:
-    """Whether something in the corridor of a frame is nearer than `stop_at`."""
-    ahead = ahead_of(figures)
-    return job.stop_at is not None and ahead is not None and ahead.distance_m < job.stop_at
+    """Whether something in the corridor of a frame may be nearer than `stop_at`."""
+    view = view_of(figures)
+    return job.stop is not None and view is not None and job.stop.broken_by(view.ahead)
 
 
 def stopped_at(job: Obstacles, records: Iterable[FrameRecord]) -> bool:

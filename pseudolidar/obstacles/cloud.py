@@ -14,9 +14,6 @@ from pseudolidar.structures.arrays import Bool, Float32, UInt8
 from pseudolidar.structures.box import Detection
 
 THING = "thing"
-# Sigma of depths that a source does not tell, as that of a disparity, px; and of one camera over
-# the square of the depth, 1/m (that of a good depth camera).
-UNTOLD_PX, UNTOLD_PER_DEPTH_SQUARED = 0.3, 0.002
 
 
 @dataclass(frozen=True)
@@ -109,12 +106,10 @@ def _standing(sight: Sight, heights: Float32 | None) -> Bool:
 def _own_per_depth_squared(sight: Sight) -> float:
     """Sigma of one depth against its neighbours' over its square, 1/m."""
     if sight.depth.sigma is None:
-        if sight.rig is None:
-            return UNTOLD_PER_DEPTH_SQUARED
-        return UNTOLD_PX / sight.rig.fB_px_m
+        return sight.untold_per_depth_squared
     sparse = sight.depth.values[::4, ::4], sight.depth.sigma[::4, ::4]
     relative = (sparse[1] / sparse[0] ** 2)[np.isfinite(sparse[0]) & np.isfinite(sparse[1])]
     if not len(relative):
-        return UNTOLD_PER_DEPTH_SQUARED
+        return sight.untold_per_depth_squared
     shared = sight.shared_per_depth_squared
     return float(np.sqrt(max(np.median(relative) ** 2 - shared**2, (0.1 * shared) ** 2, 1e-12)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -23,12 +22,13 @@ LEAST_SIDE_M, LEAST_PIXELS = 0.15, 12
 THICK_M, THICK_SIGMAS = 0.3, 2.0
 # Points of a thing nearer than its front: this share.
 FRONT = 0.1
+# Depths end where the search for disparities does; a thing with such a share of its points within
+# so many px of there may be nearer than it is told.
+END_PX, END_SHARE = 2.0, 0.2
+# From this probability on a thing counts as too near: its distance less one sigma.
+STOP_CHANCE = 0.16
 # Pixels of a square with this side share their errors.
 PATCH_PX = 9.0
-# An approach is told of so many of the last frames.
-FRAMES, LEAST_FRAMES = 6, 3
-# A nearest thing that jumps by more sigmas than this is another one.
-SAME_SIGMAS = 4.0
 
 
 @dataclass(frozen=True)
@@ -62,6 +62,12 @@ class Corridor:
         width_m, height_m, length_m = (float(part) for part in parts)
         return cls(width_m, height_m, length_m)
 
+    def heights_m(self, sight: Sight) -> tuple[float, float, float]:
+        """Of the camera, of its lower and of its upper side: above the ground, else the camera."""
+        if sight.ground is not None:
+            return sight.ground.offset_m, CLEARANCE_M, self.height_m
+        return 0.0, -0.5 * self.height_m, 0.5 * self.height_m
+
     def __str__(self) -> str:
         return f"{self.width_m:g}x{self.height_m:g}x{self.length_m:g}"
 
@@ -76,6 +82,7 @@ class Ahead:
         points: pixels that show it.
         across_m: where it is, to the right of the camera.
         up_m: above the camera.
+        bound: it is so near that the search for disparities ends there: it may be nearer.
     """
 
     distance_m: float
@@ -83,10 +90,30 @@ class Ahead:
     points: int
     across_m: float
     up_m: float
+    bound: bool = False
 
     def nearer_than(self, limit_m: float) -> float:
-        """How sure it is nearer than this, 0-1, errors taken for normal."""
+        """How sure it is nearer than this, 0-1, errors taken for normal; 1 where nobody knows."""
+        if self.bound:
+            return 1.0
         return 0.5 * math.erfc((self.distance_m - limit_m) / (math.sqrt(2.0) * self.sigma_m))
+
+
+@dataclass(frozen=True)
+class StopRule:
+    """When a vehicle must stop.
+
+    Args:
+        limit_m: nothing in the corridor may be nearer.
+        chance: it is too near from this probability on, 0-1.
+    """
+
+    limit_m: float
+    chance: float
+
+    def broken_by(self, ahead: Ahead | None) -> bool:
+        """Whether something may well be too near."""
+        return ahead is not None and ahead.nearer_than(self.limit_m) >= self.chance
 
 
 def nearest_ahead(sight: Sight, corridor: Corridor) -> Ahead | None:
@@ -112,6 +139,7 @@ def nearest_ahead(sight: Sight, corridor: Corridor) -> Ahead | None:
     front = first + int(FRONT * counts[first])
     shared_m = sight.shared_per_depth_squared * float(z[front]) ** 2
     own = math.sqrt(max(float(sigma_m[front]) ** 2 - shared_m**2, 0.0))
+    at_end = z[thing] < sight.nearest_m * (1.0 + END_PX / max(sight.searched_px or 0, 1))
     independent = max(1.0, float(counts[first]) / PATCH_PX**2)
     x, y, _ = np.median(xyz[thing], axis=0)
     return Ahead(
@@ -120,6 +148,7 @@ def nearest_ahead(sight: Sight, corridor: Corridor) -> Ahead | None:
         int(counts[first]),
         float(x),
         float(-y),
+        bool(at_end.mean() > END_SHARE),
     )
 
 
@@ -137,71 +166,9 @@ def _inside(sight: Sight, corridor: Corridor) -> tuple[Float64, Float64]:
     if sight.is_ground is not None:
         known &= ~sight.is_ground
     xyz = turned(level_axes(sight), sight.xyz[known])
-    sigma = sight.depth.sigma
-    sigma_m = np.zeros(len(xyz)) if sigma is None else sigma[known].astype(np.float64)
-    up = -xyz[:, 1]
-    if sight.ground is not None:
-        up = up + sight.ground.offset_m
-        low_m, high_m = CLEARANCE_M, corridor.height_m
-    else:
-        low_m, high_m = -0.5 * corridor.height_m, 0.5 * corridor.height_m
+    sigma_m = sight.sigma_m[known].astype(np.float64)
+    eye_m, low_m, high_m = corridor.heights_m(sight)
+    up = eye_m - xyz[:, 1]
     inside = (np.abs(xyz[:, 0]) <= 0.5 * corridor.width_m) & (xyz[:, 2] <= corridor.length_m)
     inside &= (up > low_m) & (up < high_m)
     return xyz[inside], sigma_m[inside]
-
-
-@dataclass(frozen=True)
-class Approach:
-    """How fast the nearest thing comes nearer.
-
-    Args:
-        closing_m_s: above 0 where it comes nearer.
-        sigma_m_s: one standard deviation.
-        contact_s: until it is reached, as fast as now; None where it does not come nearer.
-        sigma_contact_s: one standard deviation of that.
-    """
-
-    closing_m_s: float
-    sigma_m_s: float
-    contact_s: float | None
-    sigma_contact_s: float | None
-
-
-def approach(times_s: Sequence[float], seen: Sequence[Ahead | None]) -> Approach | None:
-    """The approach of the nearest thing over the last frames; None where it is a new one.
-
-    A straight line through its last distances. What the rig's calibration leaves is the same in
-    all of them and does not count.
-
-    Args:
-        times_s: of the frames up to now.
-        seen: the nearest thing of each.
-    """
-    chosen: list[tuple[float, Ahead]] = []
-    for time_s, one in zip(reversed(times_s[-FRAMES:]), reversed(seen[-FRAMES:]), strict=True):
-        if one is None or (chosen and not _same(chosen[-1][1], one, chosen[-1][0] - time_s)):
-            break
-        chosen.append((time_s, one))
-    if len(chosen) < LEAST_FRAMES:
-        return None
-    t = np.array([time_s for time_s, _ in chosen])
-    d = np.array([one.distance_m for _, one in chosen])
-    weight = np.array([one.sigma_m**-2 for _, one in chosen])
-    t = t - (weight * t).sum() / weight.sum()
-    spread = float((weight * t * t).sum())
-    if spread <= 0:
-        return None
-    closing = -float((weight * t * d).sum()) / spread
-    sigma = spread**-0.5
-    last = chosen[0][1]
-    if closing <= sigma:
-        return Approach(closing, sigma, None, None)
-    contact_s = last.distance_m / closing
-    relative = math.hypot(sigma / closing, last.sigma_m / last.distance_m)
-    return Approach(closing, sigma, contact_s, contact_s * relative)
-
-
-def _same(later: Ahead, earlier: Ahead, seconds: float) -> bool:
-    """Whether both may be one thing: no jump beyond their errors and any likely speed."""
-    reach_m = SAME_SIGMAS * math.hypot(later.sigma_m, earlier.sigma_m) + 40.0 * max(0.0, seconds)
-    return abs(later.distance_m - earlier.distance_m) <= reach_m

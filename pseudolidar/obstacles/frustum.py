@@ -81,8 +81,7 @@ def frustum_of(sight: Sight, detection: Detection) -> Frustum:
     y, x = np.nonzero(inside)
     width = sight.depth.values.shape[1]
     depth_m = depth[y, x].astype(np.float64)
-    sigma = sight.depth.sigma
-    sigma_m = np.zeros_like(depth_m) if sigma is None else sigma[rows, columns][y, x]
+    sigma_m = sight.sigma_m[rows, columns][y, x]
     return Frustum(
         pixels=((y + rows.start) * width + x + columns.start).astype(np.int64),
         depth_m=depth_m,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,6 +14,10 @@ from pseudolidar.structures.arrays import Bool, Float32, Image, check_array
 from pseudolidar.structures.box import Label
 from pseudolidar.structures.camera import LEFT_FRAME, Camera, StereoRig
 from pseudolidar.structures.disparity import DepthMap
+
+# Sigma of depths that a source does not tell, as that of a disparity, px; and of one camera over
+# the square of the depth, 1/m (that of a good depth camera).
+UNTOLD_PX, UNTOLD_PER_DEPTH_SQUARED = 0.3, 0.002
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +37,7 @@ class Sight:
         labels: labelled objects of the frame, or None where the source has none.
         shared_px: the part of the disparities' error that all pixels of a thing share: what the
             calibration of the rig leaves.
+        searched_px: disparities below this were looked for; None where depths have no such end.
 
     Raises:
         StructureError: maps of another size than the picture, a plane in another frame.
@@ -47,6 +53,7 @@ class Sight:
     is_ground: Bool | None = None
     labels: tuple[Label, ...] | None = None
     shared_px: float = 0.0
+    searched_px: int | None = None
 
     def __post_init__(self) -> None:
         size = self.image.shape[:2]
@@ -72,9 +79,38 @@ class Sight:
         down = ((np.arange(height) - cy) / fy).astype(np.float32)
         return np.stack([z * across, z * down[:, None], z], axis=2)
 
+    @cached_property
+    def sigma_m(self) -> Float32:
+        """(H, W) one standard deviation of the depth; an assumed one where nobody estimated it."""
+        if self.depth.sigma is not None:
+            return self.depth.sigma
+        return np.asarray(np.float32(self.untold_per_depth_squared) * self.depth.values**2)
+
+    @property
+    def untold_per_depth_squared(self) -> float:
+        """Sigma that is assumed of depths that come without one, over their square, 1/m."""
+        if self.rig is None:
+            return UNTOLD_PER_DEPTH_SQUARED
+        return UNTOLD_PX / self.rig.fB_px_m
+
     @property
     def shared_per_depth_squared(self) -> float:
-        """The shared error of depths over their square, 1/m: 0 where there is one camera."""
-        if self.rig is None:
+        """The error of depths that all pixels of a thing share, over their square, 1/m.
+
+        What the calibration leaves; of depths that come without a sigma all of it, as nobody knows
+        what many of them together tell.
+        """
+        shared = 0.0 if self.rig is None else self.shared_px / self.rig.fB_px_m
+        if self.depth.sigma is None:
+            return math.hypot(shared, self.untold_per_depth_squared)
+        return shared
+
+    @property
+    def nearest_m(self) -> float:
+        """Depth Z at which the search for disparities ends: what is nearer is not found.
+
+        0 where there is no such end.
+        """
+        if self.searched_px is None or self.rig is None:
             return 0.0
-        return self.shared_px / self.rig.fB_px_m
+        return self.rig.fB_px_m / max(self.searched_px + self.rig.doffs_px, 1e-3)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
 from pseudolidar.calibration.check import PairCheck
 from pseudolidar.calibration.check_finding import Finding
-from pseudolidar.sources.source import FrameSource, nearest_depth_m
+from pseudolidar.sources.source import FrameSequence, FrameSource, nearest_depth_m
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.disparity_range import disparity_range
 from pseudolidar.stereo.matcher import MatcherSettings
@@ -17,6 +18,8 @@ from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.disparity import typed_below
+from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.recorded import Frame
 
 NEAREST = "nearest depth"
 # Fewer matches of all pairs together tell nothing.
@@ -48,6 +51,12 @@ class Searching:
                 nearest_m = nearest_depth_m(self.min_depth_m, source)
                 return self.matcher.disparities or disparity_range(source.rig, nearest_m)
         return None
+
+    def searched_px(self, source: FrameSequence[Frame]) -> int | None:
+        """Where the disparities of a source end, px; None where there is no such end."""
+        if source.yields is not StereoFrame:
+            return None
+        return self.disparities(cast(FrameSource, source))
 
     @property
     def fixed(self) -> bool:

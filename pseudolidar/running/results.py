@@ -22,6 +22,7 @@ from pseudolidar.sources.source import SourceSummary
 SCHEMA = 1
 # Skipped frames named one by one on the terminal; report.json has all.
 NAMED_SKIPS = 5
+ALREADY_COMPLETE = "the folder is already complete"
 
 
 class Stopwatch:
@@ -64,6 +65,7 @@ class RunResult:
         ended_by: exit code of the signal or error that ended it early, or 0.
         warnings: what was odd about the pairs when they were looked at before the first frame.
         figures_of_run: what is of no single frame, plain JSON values.
+        halted_by: exit code of what was watched for and ended it, for good, or 0.
     """
 
     source: SourceSummary
@@ -74,6 +76,7 @@ class RunResult:
     ended_by: int = 0
     warnings: tuple[str, ...] = ()
     figures_of_run: Mapping[str, Any] = field(default_factory=dict)
+    halted_by: int = 0
 
     @property
     def skipped(self) -> tuple[FrameRecord, ...]:
@@ -88,7 +91,14 @@ class RunResult:
     @property
     def exit_code(self) -> int:
         """0 all done, 4 some frames skipped or lost, else of what ended the run early."""
-        return self.ended_by or (SOME_SKIPPED if self.skipped or self.source.lost else ALL_DONE)
+        skipped = SOME_SKIPPED if self.skipped or self.source.lost else ALL_DONE
+        return self.ended_by or self.halted_by or skipped
+
+    @property
+    def ended_early(self) -> bool:
+        """Whether frames are left that nobody looked at, or a signal or an error ended the run."""
+        halted = self.halted_by != ALL_DONE and len(self.records) < self.total
+        return self.ended_by != ALL_DONE or halted
 
     @property
     def figures(self) -> dict[str, dict[str, float]]:
@@ -103,7 +113,7 @@ class RunResult:
             "skipped": len(self.skipped),
             "lost": list(self.source.lost),
             "passed_now": self.passed_now,
-            "ended_early": self.ended_by != ALL_DONE,
+            "ended_early": self.ended_early,
             "exit_code": self.exit_code,
             "figures": self.figures,
             "times": self.times,
@@ -120,7 +130,8 @@ class RunResult:
     def _done_line(self) -> str:
         count = f"{len(self.committed)} of {self.total} frames"
         if not (self.passed_now or self.skipped or self.ended_by):
-            return f"{count}: the folder is already complete, nothing was done"
+            so_far = "the run has already stopped here" if self.ended_early else ALREADY_COMPLETE
+            return f"{count}: {so_far}, nothing was done"
         before = len(self.committed) - self.passed_now
         kept = f", {before} of them kept from before" if before else ""
         rate = self.times["frames_per_s"]

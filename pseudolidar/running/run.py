@@ -76,7 +76,7 @@ class Run:
         self.folder, self.source, self.in_flight = folder, source, in_flight
         self._journal, self._on_error, self._signals = journal, on_error, signals
         self._watch = Stopwatch()
-        self._ended_by = 0
+        self._ended_by, self._halted_by = 0, 0
         self._hopeless: frozenset[str] = frozenset()
         self._warnings: tuple[str, ...] = ()
         self._tell: Callable[[], Mapping[str, Any]] = dict
@@ -220,6 +220,14 @@ class Run:
             self._watch.lap(frame.cpu_s)
             progress.advance()
 
+    def halt(self, exit_code: int) -> None:
+        """What was to be watched for has come: the loop ends here, and stays ended.
+
+        Args:
+            exit_code: that tells so.
+        """
+        self._halted_by = exit_code
+
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
         """A block that a first signal does not cut, such as one frame of several files."""
@@ -252,4 +260,5 @@ class Run:
             self._ended_by,
             self._warnings,
             self._tell(),
+            self._halted_by,
         )

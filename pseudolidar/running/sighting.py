@@ -56,17 +56,22 @@ class SightFrame:
         match: pair to disparity.
         reproject: disparity to an organised cloud.
         ground: finds the plane that things stand on; None where none is wanted.
+        searched_px: disparities below this are looked for in pairs; None where that has no end.
     """
 
     match: MatchFrame
     reproject: Reprojector
     ground: Ground | None
+    searched_px: int | None = None
 
     @classmethod
-    def of(cls, match: MatchFrame, ground: GroundFit | None) -> SightFrame:
+    def of(
+        cls, match: MatchFrame, ground: GroundFit | None, *, searched_px: int | None = None
+    ) -> SightFrame:
         """With everything heavy loaded."""
         reproject = Reproject(organised=True, max_range_m=SIGHT_M).load()
-        return cls(match, reproject, None if ground is None else Ground("label", ground))
+        grounded = None if ground is None else Ground("label", ground)
+        return cls(match, reproject, grounded, searched_px)
 
     def __call__(self, frame: Frame) -> Seen:
         """What is seen in a frame.
@@ -102,6 +107,7 @@ class SightFrame:
             is_ground,
             frame.labels,
             frame.rig.systematic_sigma_px,
+            self.searched_px,
         )
         return Seen(sight, cloud, disparity, _pose(tree, known=frame.pose is not None))
 

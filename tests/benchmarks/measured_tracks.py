@@ -13,7 +13,7 @@ import sys
 
 import numpy as np
 
-from pipelines.obstacles import Obstacles, ObstaclesFrame, opened
+from pipelines.obstacles import Obstacles, finder, opened
 from pseudolidar.evaluation.tracks import TrueObject, pooled
 from pseudolidar.geometry.frames import left_in_base_link
 from pseudolidar.obstacles.motion_filter import Straight
@@ -36,7 +36,7 @@ def street(seed: int) -> list[Moment]:
     """Frames of a street, with the truth beside."""
     job = Obstacles(Synthetic("street", frames=FRAMES.stop, seed=seed))
     source = opened(job)
-    per_frame = ObstaclesFrame.of(job, source)
+    per_frame = finder(job, source)
     frames = []
     for index in FRAMES:
         frame = source.load(index)

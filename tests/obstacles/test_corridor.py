@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pseudolidar.errors import UsageError
-from pseudolidar.obstacles.corridor import Ahead, Corridor, approach, near_mask, nearest_ahead
-from tests.obstacles.scene import sight
+from pseudolidar.obstacles.approach import approach
+from pseudolidar.obstacles.corridor import (
+    STOP_CHANCE,
+    Ahead,
+    Corridor,
+    StopRule,
+    near_mask,
+    nearest_ahead,
+)
+from pseudolidar.obstacles.corridor_view import CorridorView, corridor_view
+from pseudolidar.obstacles.sight import Sight
+from pseudolidar.running.products.corridor_table import encode_corridor, view_figures, watched
+from pseudolidar.structures.disparity import DepthMap
+from tests.obstacles.scene import EYE_HEIGHT_M, sight
 
 CORRIDOR = Corridor.parse("2x2x30")
 POST = ("post", 0.3, 8.0, 0.3, 1.5)
@@ -99,3 +112,64 @@ def test_a_corridor_is_three_lengths(text: str) -> None:
         Corridor.parse(text)
     assert str(Corridor.parse("2.5X2x30")) == "2.5x2x30"
     assert math.isfinite(Corridor.parse("2x2x1e2").length_m)
+
+
+def blind(one: Sight, rows: slice, columns: slice) -> Sight:
+    depth = one.depth.values.copy()
+    depth[rows, columns] = np.nan
+    return replace(one, depth=DepthMap(depth, one.depth.sigma))
+
+
+def test_a_corridor_in_which_nothing_could_be_matched_is_not_free() -> None:
+    everything = slice(None), slice(None)
+    seen = corridor_view(sight(()), CORRIDOR)
+    assert (seen.state, seen.seen) == ("free", 1.0)
+    assert corridor_view(blind(sight(()), *everything), CORRIDOR) == CorridorView(None, 0.0)
+    assert corridor_view(blind(sight(()), *everything), CORRIDOR).state == "unseen"
+    # Pixels from 8 m on where the corridor is: few, but most of its volume lies behind them.
+    beyond = slice(99, 99 + round(400 * EYE_HEIGHT_M / 8)), slice(270, 370)
+    found = corridor_view(blind(sight(()), *beyond), CORRIDOR)
+    assert found.state == "unseen"
+    assert (beyond[0].stop - 99) * 100 < 0.2 * 140 * 640
+    beside = slice(None), slice(0, 100)
+    assert corridor_view(blind(sight(()), *beside), CORRIDOR).state == "free"
+    assert corridor_view(sight((POST,)), CORRIDOR).state == "thing"
+
+
+def test_depths_without_sigma_are_not_sure() -> None:
+    told = sight((POST,))
+    untold = replace(told, depth=DepthMap(told.depth.values))
+    found, sure = nearest_ahead(untold, CORRIDOR), nearest_ahead(told, CORRIDOR)
+    assert found.distance_m == pytest.approx(sure.distance_m, abs=0.1)
+    assert found.sigma_m > 0.09  # 0.3 px at 8 m with 200 px m; nothing is gained by many pixels
+    assert 0.5 < found.nearer_than(8.1) < 0.95
+
+
+def test_a_vehicle_stops_where_something_may_well_be_too_near() -> None:
+    rule = StopRule(3.0, STOP_CHANCE)
+    assert not rule.broken_by(None)
+    assert not rule.broken_by(Ahead(3.6, 0.5, 100, 0.0, 0.0))
+    assert rule.broken_by(Ahead(3.45, 0.5, 100, 0.0, 0.0))
+    assert not StopRule(3.0, 0.5).broken_by(Ahead(3.01, 0.5, 100, 0.0, 0.0))
+    assert rule.broken_by(Ahead(4.0, 0.05, 100, 0.0, 0.0, bound=True))  # it may be anywhere nearer
+
+
+def test_what_stands_where_the_search_ends_may_be_nearer() -> None:
+    seen = replace(sight((POST,)), searched_px=25)  # 8 m is 25 px
+    assert nearest_ahead(seen, CORRIDOR).bound
+    assert not nearest_ahead(replace(seen, searched_px=64), CORRIDOR).bound
+    assert not nearest_ahead(sight((POST,)), CORRIDOR).bound
+
+
+def test_rows_of_skipped_frames_and_of_frames_without_a_time() -> None:
+    ahead = [CorridorView(Ahead(20.0 - i, 0.1, 50, 0.0, 0.0), 0.9) for i in range(4)]
+    frames = [(f"{i}", 0.1 * i, view_figures(view)) for i, view in enumerate(ahead)]
+    frames.insert(2, ("bad", 0.15, {}))
+    frames.insert(0, ("no pair", None, {}))
+    rows = watched(frames)
+    assert [one.state for one in rows] == ["skipped", *["thing"] * 2, "skipped", *["thing"] * 2]
+    assert rows[-1].approach.closing_m_s == pytest.approx(10.0)
+    lines = encode_corridor(rows).decode().splitlines()
+    assert lines[1].startswith("no pair,,skipped,,")
+    assert lines[2].startswith("0,0,thing,0.9000,20,0.1,50,0,0,0,")
+    assert {line.count(",") for line in lines} == {lines[0].count(",")}

@@ -288,7 +288,8 @@ def test_a_corridor_stops_a_robot(street, tmp_path, capsys) -> None:
     assert len(list((tmp_path / "near").glob("*.png"))) == 2
     page = (tmp_path / "report.html").read_text()
     assert "nearest thing in the corridor over time" in page
-    assert "Nothing is seen in it in 0 of 2 frames." in page
+    assert "Something in it in 2 of 2 frames." in page
+    assert found["corridor"]["frames"] == {"thing": 2, "free": 0, "unseen": 0, "skipped": 0}
     limit = str(nearest["distance_m"] + 1)
     found = told(capsys, *job, "--near", "15", "--stop-at", limit, code=10)
     assert found["corridor"]["too_near"]["sure"] > 0.5
@@ -296,5 +297,6 @@ def test_a_corridor_stops_a_robot(street, tmp_path, capsys) -> None:
     for _ in range(2):  # the same command stays stopped where it stopped
         stopped = told(capsys, *anew, "--corridor", "6x2x60", "--stop-at", "60", code=10)
         assert stopped["committed"] == 1
+        assert stopped["ended_early"]
     error = told(capsys, "obstacles", street, str(tmp_path), "--stop-at", "3", code=2)["error"]
     assert "--corridor" in error["fix"]

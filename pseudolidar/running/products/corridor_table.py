@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import csv
 import io
+from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.timestamps import NS_PER_S
-from pseudolidar.obstacles.corridor import Ahead, Approach, approach
+from pseudolidar.obstacles.approach import FRAMES, Approach, approach
+from pseudolidar.obstacles.corridor import Ahead
+from pseudolidar.obstacles.corridor_view import CorridorView, State
 from pseudolidar.running.journal.record import FrameRecord
 from pseudolidar.sources.source import FrameSequence
 from pseudolidar.structures.recorded import Frame
 
-# Figures of a frame begin so.
-PREFIX = "ahead_"
-HEADER = ("frame", "time_s", "distance_m", "sigma_m", "points", "across_m", "up_m")
+# Figures of a frame begin so, and one more.
+PREFIX, SEEN = "ahead_", "corridor_seen"
+HEADER = ("frame", "time_s", "state", "seen")
+AHEAD = ("distance_m", "sigma_m", "points", "across_m", "up_m", "bound")
 APPROACH = ("closing_m_s", "sigma_closing_m_s", "contact_s", "sigma_contact_s")
 
 
@@ -28,56 +32,80 @@ class Watched:
 
     Args:
         frame: id.
-        time_s: of the picture.
-        ahead: the nearest thing, None where nothing is seen.
-        approach: how fast it comes nearer, where it was seen before.
+        time_s: of the picture; None of one that never had a pair.
+        view: what is seen of the corridor; None of a frame that was skipped.
+        approach: how fast the nearest thing comes nearer, where it was seen before.
     """
 
     frame: str
-    time_s: float
-    ahead: Ahead | None
-    approach: Approach | None
+    time_s: float | None
+    view: CorridorView | None
+    approach: Approach | None = None
+
+    @property
+    def ahead(self) -> Ahead | None:
+        """The nearest thing; None where nothing is seen."""
+        return None if self.view is None else self.view.ahead
+
+    @property
+    def state(self) -> State | Literal["skipped"]:
+        """Whether something is in it, nothing, too little is seen, or the frame was skipped."""
+        return "skipped" if self.view is None else self.view.state
 
 
-def ahead_figures(ahead: Ahead | None) -> dict[str, Any]:
-    """Of a frame, for its journal; nothing where nothing is seen."""
-    return (
-        {} if ahead is None else {f"{PREFIX}{name}": value for name, value in vars(ahead).items()}
-    )
+def view_figures(view: CorridorView | None) -> dict[str, Any]:
+    """Of a frame, for its journal; nothing where no corridor is watched."""
+    if view is None:
+        return {}
+    ahead = {} if view.ahead is None else vars(view.ahead)
+    return {SEEN: view.seen, **{f"{PREFIX}{name}": value for name, value in ahead.items()}}
 
 
-def ahead_of(figures: Mapping[str, Any]) -> Ahead | None:
-    """The nearest thing again."""
+def view_of(figures: Mapping[str, Any]) -> CorridorView | None:
+    """What was seen of the corridor again; None where none was watched."""
+    if SEEN not in figures:
+        return None
     fields = {
         name.removeprefix(PREFIX): value
         for name, value in figures.items()
         if name.startswith(PREFIX)
     }
-    return Ahead(**fields) if fields else None
+    return CorridorView(Ahead(**fields) if fields else None, figures[SEEN])
 
 
-def watched(frames: Sequence[tuple[str, float, Mapping[str, Any]]]) -> tuple[Watched, ...]:
+def watched(frames: Sequence[tuple[str, float | None, Mapping[str, Any]]]) -> tuple[Watched, ...]:
     """The corridor of each frame, in their order.
 
     Args:
-        frames: id, time in s, and figures.
+        frames: id, time in s, and figures: none of a frame that was skipped.
     """
-    times = [time_s for _, time_s, _ in frames]
-    seen = [ahead_of(figures) for _, _, figures in frames]
-    return tuple(
-        Watched(name, time_s, seen[i], approach(times[: i + 1], seen[: i + 1]))
-        for i, (name, time_s, _) in enumerate(frames)
-    )
+    done = list[Watched]()
+    last = deque[tuple[float, Ahead | None]](maxlen=FRAMES)
+    for name, time_s, figures in frames:
+        one = Watched(name, time_s, view_of(figures))
+        if time_s is not None and one.view is not None:
+            last.append((time_s, one.ahead))
+            one = replace(one, approach=approach(*zip(*last, strict=True)))
+        done.append(one)
+    return tuple(done)
 
 
 def encode_corridor(frames: Sequence[Watched]) -> bytes:
-    """One line for each frame; empty cells where nothing is seen."""
+    """One line for each frame; empty cells where nothing is known."""
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
-    rows.writerow([*HEADER, *APPROACH])
+    rows.writerow([*HEADER, *AHEAD, *APPROACH])
     for one in frames:
+        seen = None if one.view is None else one.view.seen
         rows.writerow(
-            [one.frame, f"{one.time_s:.9g}", *_cells(one.ahead, 5), *_cells(one.approach, 4)]
+            [
+                one.frame,
+                "" if one.time_s is None else f"{one.time_s:.9g}",
+                one.state,
+                "" if seen is None else f"{seen:.4f}",
+                *_cells(one.ahead, len(AHEAD)),
+                *_cells(one.approach, len(APPROACH)),
+            ]
         )
     return text.getvalue().encode()
 
@@ -85,12 +113,12 @@ def encode_corridor(frames: Sequence[Watched]) -> bytes:
 def write_corridor(
     path: Path, records: Iterable[FrameRecord], source: FrameSequence[Frame]
 ) -> tuple[Watched, ...]:
-    """The corridor of all frames that are committed, in the order of the source, as a table."""
+    """The corridor of all frames that are done with, in the order of the source, as a table."""
     time_s = {
         name: time_ns / NS_PER_S
         for name, time_ns in zip(source.ids, source.timestamps_ns, strict=True)
     }
-    frames = watched([(r.id, time_s[r.id], r.figures) for r in records if r.skipped is None])
+    frames = watched([(r.id, time_s.get(r.id), r.figures) for r in records])
     write_atomic(path, encode_corridor(frames))
     return frames
 

@@ -14,7 +14,7 @@ from pseudolidar.evaluation.obstacles import JudgedObject, judged_objects
 from pseudolidar.formats.obstacle_json import obstacle_fields, obstacle_of
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.frames import MAP
-from pseudolidar.obstacles.corridor import Ahead
+from pseudolidar.obstacles.corridor_view import CorridorView
 from pseudolidar.running.folder import inside
 from pseudolidar.running.journal.record import OutputFile
 from pseudolidar.running.sighting import Seen
@@ -36,13 +36,13 @@ class Found:
         frame: as its source had it.
         seen: depth, ground and cloud.
         obstacles: the nearest first.
-        ahead: the nearest thing in the corridor that is watched, if one is.
+        corridor: what is seen of the one that is watched, if one is.
     """
 
     frame: Frame
     seen: Seen
     obstacles: tuple[Obstacle, ...]
-    ahead: Ahead | None = None
+    corridor: CorridorView | None = None
 
     @property
     def cloud(self) -> PointCloud:

@@ -146,9 +146,10 @@ def corridor_plot(watched: Sequence[Watched], stop_at_m: float | None) -> Pictur
     """How far the nearest thing in the corridor is over time, with one standard deviation."""
     title = "Nearest thing in the corridor, with one standard deviation"
     figure, axes = _axes(title, ("time, s", "distance, m"), BELOW)
-    rows = [(one.time_s, one.ahead.distance_m, one.ahead.sigma_m) for one in watched if one.ahead]
+    timed = [(one.time_s, one.ahead) for one in watched if one.time_s is not None]
+    rows = [(time_s, one.distance_m, one.sigma_m) for time_s, one in timed if one is not None]
     times, far, sigma = np.array(rows, np.float64).reshape(-1, 3).T
-    start_s = watched[0].time_s if watched else 0.0
+    start_s = timed[0][0] if timed else 0.0
     axes.errorbar(times - start_s, far, sigma, fmt=".-", elinewidth=0.7, linewidth=1.0)
     if stop_at_m is not None:
         axes.axhline(stop_at_m, color="tab:red", linestyle="--", linewidth=1.0)

@@ -14,6 +14,7 @@ from pseudolidar.evaluation.preview_picture import Panel, resized
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.obstacle_words import distance_text, name_text, speed_text, unseen_text
 from pseudolidar.formats.timestamps import NS_PER_S
+from pseudolidar.obstacles.corridor import StopRule
 from pseudolidar.running.products.corridor_table import Watched
 from pseudolidar.running.products.obstacle_film import FILM_FOLDER, FILM_NAME, read_picture
 from pseudolidar.running.products.told import ToldFrame
@@ -27,6 +28,7 @@ from pseudolidar.running.reports.obstacle_plots import (
     distance_plot,
     sightings,
 )
+from pseudolidar.running.reports.obstacles_report import states_text
 from pseudolidar.running.reports.run_sections import notes_section, skips_section
 from pseudolidar.running.results import RunResult
 from pseudolidar.structures.arrays import UInt8
@@ -54,7 +56,7 @@ def write_obstacles_page(
     rig: StereoRig | None,
     settings: Mapping[str, str],
     corridor: Sequence[Watched] | None = None,
-    stop_at_m: float | None = None,
+    stop: StopRule | None = None,
 ) -> Path:
     """Write `report.html`, self-contained but for the film, from what a run left in its folder.
 
@@ -65,7 +67,7 @@ def write_obstacles_page(
         rig: of the frames, where there is one.
         settings: what was chosen, by name, for the reader.
         corridor: the nearest thing in it, frame by frame; None where none was watched.
-        stop_at_m: what may not be nearer than this.
+        stop: what may not be in the corridor.
 
     Returns:
         Path of the page.
@@ -80,7 +82,7 @@ def write_obstacles_page(
     sections = [
         *classes_section(frames),
         *_plots(frames, times_s),
-        *corridor_section(corridor, stop_at_m),
+        *corridor_section(corridor, stop),
         *([Section("Film", video=FILM_NAME)] if (folder / FILM_NAME).exists() else []),
         *pictures_section(folder, frames, times_s),
         *objects_sections(judged),
@@ -110,14 +112,14 @@ def classes_section(frames: Mapping[str, Sequence[Obstacle]]) -> list[Section]:
     return [Section("What was found", text, rows, header=CLASS_HEADER)] if rows else []
 
 
-def corridor_section(corridor: Sequence[Watched] | None, stop_at_m: float | None) -> list[Section]:
+def corridor_section(corridor: Sequence[Watched] | None, stop: StopRule | None) -> list[Section]:
     """The corridor over time; none where none was watched."""
     if corridor is None:
         return []
-    clear = sum(one.ahead is None for one in corridor)
-    text = f"Nothing is seen in it in {clear} of {counted(len(corridor), 'frame')}."
-    plots = [corridor_plot(corridor, stop_at_m)] if clear < len(corridor) else []
-    return [Section("Corridor", f"{text} Each frame is in corridor.csv.", plots=plots)]
+    text = f"{states_text(corridor).capitalize()}. Each frame is in corridor.csv."
+    limit_m = None if stop is None else stop.limit_m
+    seen = any(one.ahead is not None for one in corridor)
+    return [Section("Corridor", text, plots=[corridor_plot(corridor, limit_m)] if seen else [])]
 
 
 def pictures_section(

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pseudolidar.evaluation.obstacles import JudgedObject, by_band, usual_by_band
+from pseudolidar.obstacles.corridor import StopRule
+from pseudolidar.obstacles.corridor_view import State
 from pseudolidar.running.products.corridor_table import Watched
 from pseudolidar.running.reports.numbers import counted
 from pseudolidar.running.reports.obstacle_objects import objects_text
@@ -16,6 +20,13 @@ from pseudolidar.running.results import RunResult
 TOO_NEAR = 10
 # So many labelled objects or fewer are printed without being asked for.
 FEW_OBJECTS = 20
+# What a corridor can be, and the words for it.
+STATES: dict[State | Literal["skipped"], str] = {
+    "thing": "something in it",
+    "free": "free",
+    "unseen": "unseen (too little of it has a depth)",
+    "skipped": "skipped",
+}
 
 
 @dataclass(frozen=True)
@@ -27,7 +38,7 @@ class ObstaclesReport:
         out: output folder.
         tables: files with all obstacles.
         corridor: the nearest thing of each frame; None where no corridor was watched.
-        stop_at_m: what may not be nearer than this.
+        stop: what may not be in the corridor.
         objects: each label that counts beside what was measured of it, where there are labels.
         show_objects: print them, however many they are.
     """
@@ -36,23 +47,16 @@ class ObstaclesReport:
     out: Path
     tables: tuple[Path, ...]
     corridor: tuple[Watched, ...] | None = None
-    stop_at_m: float | None = None
+    stop: StopRule | None = None
     objects: tuple[JudgedObject, ...] = ()
     show_objects: bool = False
 
     @property
     def too_near(self) -> Watched | None:
-        """The first frame in which something in the corridor was too near."""
-        return next(
-            (
-                one
-                for one in self.corridor or ()
-                if self.stop_at_m is not None
-                and one.ahead is not None
-                and one.ahead.distance_m < self.stop_at_m
-            ),
-            None,
-        )
+        """The first frame in which something in the corridor may be too near."""
+        if self.stop is None:
+            return None
+        return next((one for one in self.corridor or () if self.stop.broken_by(one.ahead)), None)
 
     @property
     def nearest(self) -> Watched | None:
@@ -82,14 +86,20 @@ class ObstaclesReport:
         }
 
     def _corridor(self) -> dict[str, Any]:
-        told: dict[str, Any] = {"stop_at_m": self.stop_at_m}
+        limit_m = None if self.stop is None else self.stop.limit_m
+        states = Counter(one.state for one in self.corridor or ())
+        told: dict[str, Any] = {
+            "stop_at_m": limit_m,
+            "stop_chance": self.stop and self.stop.chance,
+            "frames": {state: states[state] for state in STATES},
+        }
         for name, one in (("nearest", self.nearest), ("too_near", self.too_near)):
             told[name] = one and {
                 "frame": one.frame,
                 "time_s": one.time_s,
                 **vars(one.ahead),
                 "approach": one.approach and dict(vars(one.approach)),
-                "sure": self.stop_at_m and one.ahead and one.ahead.nearer_than(self.stop_at_m),
+                "sure": limit_m and one.ahead and one.ahead.nearer_than(limit_m),
             }
         return told
 
@@ -119,21 +129,30 @@ class ObstaclesReport:
     def _corridor_lines(self) -> list[str]:
         if self.corridor is None:
             return []
-        if self.nearest is None:
-            return ["  nothing is seen in the corridor"]
-        lines = [f"  nearest in the corridor: {_told(self.nearest)}"]
+        lines = [f"  corridor: {states_text(self.corridor)}"]
+        if self.nearest is not None:
+            lines.append(f"  nearest in the corridor: {_told(self.nearest)}")
         one = self.too_near
-        if one is not None and one.ahead is not None and self.stop_at_m is not None:
-            sure = one.ahead.nearer_than(self.stop_at_m)
+        if one is not None and one.ahead is not None and self.stop is not None:
+            sure = one.ahead.nearer_than(self.stop.limit_m)
             lines.append(
-                f"  STOP: nearer than {self.stop_at_m:g} m ({sure:.0%} sure): {_told(one)}"
+                f"  STOP: nearer than {self.stop.limit_m:g} m ({sure:.0%} sure): {_told(one)}"
             )
         return lines
+
+
+def states_text(corridor: Sequence[Watched]) -> str:
+    """In how many frames something is in it, nothing, or nobody can tell."""
+    counts = Counter(one.state for one in corridor)
+    said = [f"{words} in {counts[state]}" for state, words in STATES.items() if counts[state]]
+    return f"{', '.join(said) or 'not watched in any'} of {counted(len(corridor), 'frame')}"
 
 
 def _told(one: Watched) -> str:
     assert one.ahead is not None  # those that are told have something ahead
     line = f"{one.ahead.distance_m:.2f} +- {one.ahead.sigma_m:.2f} m, frame {one.frame}"
+    if one.ahead.bound:
+        line += " (or nearer: the search ends there, see --min-depth)"
     if one.approach is None:
         return line
     line += f", closing at {one.approach.closing_m_s:.1f} +- {one.approach.sigma_m_s:.1f} m/s"

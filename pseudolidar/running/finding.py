@@ -1,0 +1,92 @@
+"""A frame to the obstacles in it, and the files of that: what each frame of `obstacles` passes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from pseudolidar.formats.mcap.content import DEFAULT_CONTENT, McapContent
+from pseudolidar.formats.pictures.image import encode_png
+from pseudolidar.obstacles.corridor import Corridor, near_mask
+from pseudolidar.obstacles.corridor_view import corridor_view
+from pseudolidar.obstacles.detector import Detector
+from pseudolidar.obstacles.measure import measured
+from pseudolidar.running.journal.record import OutputFile
+from pseudolidar.running.products.corridor_table import view_figures
+from pseudolidar.running.products.found import Found, found_file
+from pseudolidar.running.products.found_clouds import FoundOutputs
+from pseudolidar.running.products.obstacle_film import ObstacleArtist
+from pseudolidar.running.products.product import Product
+from pseudolidar.running.products.told_recording import found_parts
+from pseudolidar.running.sighting import SightFrame
+from pseudolidar.structures.recorded import Frame
+
+NEAR_FOLDER = "near"
+
+
+@dataclass(frozen=True)
+class FindFrame:
+    """One frame to its obstacles: pure, picklable, one thread.
+
+    Args:
+        sight: frame to depth and ground.
+        detect: says where objects are; None where nothing is asked.
+        corridor: what is watched, if anything.
+        near_m: things nearer than this get a mask; None for none.
+        to: what else is written of a frame.
+        content: what the recording holds, where there is to be one.
+        artist: makes pictures to draw obstacles into.
+        pictured: the frames that it makes them of; None for all, as a film needs.
+    """
+
+    sight: SightFrame
+    detect: Detector | None
+    corridor: Corridor | None = None
+    near_m: float | None = None
+    to: FoundOutputs = field(default_factory=FoundOutputs)
+    content: McapContent = DEFAULT_CONTENT
+    artist: ObstacleArtist = field(default_factory=ObstacleArtist)
+    pictured: frozenset[str] | None = None
+
+    def __call__(self, frame: Frame) -> Product:
+        """Find, and encode what was found.
+
+        Raises:
+            PseudolidarError: as `found`.
+        """
+        found = self.found(frame)
+        files = [found_file(found), *self.to.files(found)]
+        if self.near_m is not None:
+            mask = near_mask(found.seen.sight, self.near_m)
+            files.append(OutputFile.of(f"{NEAR_FOLDER}/{frame.id}.png", encode_png(mask)))
+        if self.pictured is None or frame.id in self.pictured:
+            files += self.artist.files(frame, found.seen)
+        parts = found_parts(found, self.content) if self.to.recording else {}
+        return Product(tuple(files), parts, figures(found))
+
+    def found(self, frame: Frame) -> Found:
+        """Match, reproject, detect, measure; the nearest obstacle first.
+
+        Raises:
+            PairIdentical, LowTexture, MapEmpty: there is nothing to be seen.
+            LabelError: the detector has nothing to go by.
+        """
+        seen = self.sight(frame)
+        detections = () if self.detect is None else self.detect(seen.sight)
+        obstacles = measured(seen.sight, detections)
+        nearest_first = sorted(obstacles, key=lambda obstacle: obstacle.distance_m)
+        view = None if self.corridor is None else corridor_view(seen.sight, self.corridor)
+        return Found(frame, seen, tuple(nearest_first), view)
+
+
+def figures(found: Found) -> dict[str, Any]:
+    """Of one frame, for the report."""
+    told: dict[str, Any] = {
+        "obstacles": len(found.obstacles),
+        "density": float(found.seen.sight.depth.valid.mean()),
+    }
+    if found.frame.notes:
+        told["notes"] = list(found.frame.notes)
+    if found.obstacles:
+        told["nearest_m"] = found.obstacles[0].distance_m
+    return told | view_figures(found.corridor)
