@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
-
-import numpy as np
+from typing import Annotated
 
 from pseudolidar.clouds.ground_fit import GroundFit
-from pseudolidar.errors import ALL_DONE, UsageError, printable
-from pseudolidar.formats.obstacle_json import obstacle_fields
+from pseudolidar.errors import UsageError
 from pseudolidar.formats.regions import NO_CLASS
 from pseudolidar.formats.rigs.rig_reading import RigUnit
-from pseudolidar.formats.timestamps import NS_PER_S
-from pseudolidar.geometry.box_in_view import across_m
-from pseudolidar.obstacles.class_sizes import UNKNOWN, size_of_class
-from pseudolidar.obstacles.measure import DRAWN_PX, measured
-from pseudolidar.obstacles.regions import Boxes, Regions
+from pseudolidar.obstacles.measure import measured
+from pseudolidar.obstacles.regions import Boxes, DrawnRegions, Regions
+from pseudolidar.running.bad_frames import good_frames
+from pseudolidar.running.crew.attempt import Skipped, attempt
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import Recognised
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.preflight import preflight
+from pseudolidar.running.reports.measure_report import Measured, MeasureReport
 from pseudolidar.running.sighting import SMALL_THINGS_KEPT, SightFrame
-from pseudolidar.running.table import table_text
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.rectified import Rectify
@@ -38,11 +33,9 @@ from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
-from pseudolidar.structures.obstacle import Obstacle
 from pseudolidar.structures.recorded import Frame
 
 FIRST = FrameSelection(("0:1",))
-FEW_POINTS = 20
 
 
 @dataclass(frozen=True)
@@ -103,10 +96,11 @@ class Measure:
 
 
 def run(job: Measure) -> MeasureReport:
-    """Match the frames that are asked for, and measure what the boxes hold.
+    """Match the frames that are asked for and have a box, and measure what the boxes hold.
 
     Raises:
-        LabelError: the boxes cannot be read, or lie outside of the picture.
+        LabelError: the boxes cannot be read, or all lie outside of the picture.
+        TooManyBadFrames: and what else `good_frames` raises.
         UsageError: the frames that are asked for have no box.
     """
     detect = Regions(job.box, job.name).load()
@@ -115,8 +109,31 @@ def run(job: Measure) -> MeasureReport:
         source,
         wanted=job.check,
         crew=CrewPlan(1),
-        searching=Searching(job.matcher, job.min_depth),
+        searching=searching(job),
     )
+    boxed = [index for index, name in enumerate(source.ids) if detect.boxes_of(name)]
+    if not boxed:
+        raise UsageError(
+            f"no box for frame {', '.join(source.ids)}",
+            want="one",
+            fix="Look at `frame` there.",
+            path=job.box.path,
+        )
+    measure = MeasureFrame(sighted(job, source), detect)
+    skipped = list[Skipped]()
+    outcomes = (attempt(source, measure, index) for index in boxed)
+    found = [
+        one
+        for frame in good_frames(
+            outcomes, frames=len(boxed), on_error="skip", skipped=skipped.append
+        )
+        for one in frame.value
+    ]
+    return MeasureReport(found, skipped)
+
+
+def sighted(job: Measure, source: FrameSequence[Frame]) -> SightFrame:
+    """What a frame is measured in, with everything heavy loaded."""
     match = MatchFrame.load(
         source,
         job.matcher,
@@ -125,21 +142,12 @@ def run(job: Measure) -> MeasureReport:
         eyes=Eyes(job.rows, job.balance),
         min_depth_m=job.min_depth,
     )
-    sighted = SightFrame.of(match, job.ground)
-    found = list[Measured]()
-    for index in range(len(source.ids)):
-        frame = source.load(index)
-        sight = sighted(frame).sight
-        focal_px = sight.camera.focal_px
-        found += [Measured(frame, one, focal_px) for one in measured(sight, detect(sight))]
-    if not found:
-        raise UsageError(
-            f"no box for frame {', '.join(source.ids)}",
-            want="one",
-            fix="Look at `frame` there.",
-            path=job.box.path,
-        )
-    return MeasureReport(tuple(found))
+    return SightFrame.of(match, job.ground, searched_px=searching(job).searched_px(source))
+
+
+def searching(job: Measure) -> Searching:
+    """What disparities are looked for."""
+    return Searching(job.matcher, job.min_depth)
 
 
 def opened(job: Measure) -> FrameSequence[Frame]:
@@ -157,101 +165,25 @@ def opened(job: Measure) -> FrameSequence[Frame]:
     return source
 
 
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """One thing in one frame.
+@dataclass(frozen=True)
+class MeasureFrame:
+    """Measures what the boxes of a frame hold.
 
     Args:
-        frame: which.
-        obstacle: what was measured.
-        focal_px: of the left camera.
+        sight: frame to depth and ground.
+        detect: the boxes.
     """
 
-    frame: Frame
-    obstacle: Obstacle
-    focal_px: float
+    sight: SightFrame
+    detect: DrawnRegions
 
+    def __call__(self, frame: Frame) -> list[Measured]:
+        """Each box of the frame.
 
-@dataclass(frozen=True, eq=False)
-class MeasureReport:
-    """What was measured.
-
-    Args:
-        found: each box of each frame.
-    """
-
-    found: Sequence[Measured]
-
-    @property
-    def exit_code(self) -> int:
-        """0: each box has an answer, however unsure."""
-        return ALL_DONE
-
-    def as_dict(self) -> dict[str, Any]:
-        """All that is known of each, as in obstacles.jsonl."""
-        return {
-            "measured": [
-                {
-                    **obstacle_fields(
-                        one.obstacle,
-                        frame=one.frame.id,
-                        time_s=one.frame.timestamp_ns / NS_PER_S,
-                        number=number,
-                    ),
-                    "across_m": across_m(one.obstacle.box),
-                    "sigma_across_m": _sigma_across_m(one),
-                }
-                for number, one in enumerate(self.found, start=1)
-            ]
-        }
-
-    def text(self) -> str:
-        """A table, and what to be careful about."""
-        rows = [_row(one) for one in self.found]
-        header = ("frame", "what", "distance", "across", "height", "right, down, ahead", "points")
-        lines = [table_text(rows, header=header)]
-        for one in self.found:
-            name = printable(one.obstacle.detection.name)
-            lines += [f"{name}: {note}" for note in _notes(one.obstacle)]
-        return "\n".join(lines)
-
-
-def _row(one: Measured) -> tuple[str, ...]:
-    obstacle, box = one.obstacle, one.obstacle.box
-    assert box.sigma_m is not None  # an Obstacle has it
-    x, y, z = box.pose.translation_m
-    return (
-        one.frame.id,
-        obstacle.detection.name,
-        f"{obstacle.distance_m:.2f} +- {obstacle.sigma_distance_m:.2f} m",
-        f"{across_m(box):.2f} +- {_sigma_across_m(one):.2f} m",
-        f"{box.height_m:.2f} +- {box.sigma_m[5]:.2f} m",
-        f"{x:.2f}, {y:.2f}, {z:.2f} m",
-        f"{obstacle.points}",
-    )
-
-
-def _sigma_across_m(one: Measured) -> float:
-    """Both edges of the box in the picture, and the distance that they are seen at."""
-    obstacle = one.obstacle
-    edges_m = np.sqrt(2.0) * DRAWN_PX * obstacle.distance_m / one.focal_px
-    share = obstacle.sigma_distance_m / obstacle.distance_m
-    return float(np.hypot(edges_m, share * across_m(obstacle.box)))
-
-
-def _notes(obstacle: Obstacle) -> list[str]:
-    usual = size_of_class(obstacle.detection.name) is not UNKNOWN
-    if obstacle.measured_by == "size":
-        said = "nothing in it was matched (sky, no texture, or too small), so it is not measured: "
-        if usual:
-            return [f"{said}this is where its usual size and its footing put it"]
-        return [f"{said}this is where a thing of any size might be, see +-; --name helps"]
-    notes = []
-    if obstacle.measured_by == "points" and obstacle.points < FEW_POINTS:
-        notes.append(f"only {obstacle.points} points")
-    if obstacle.truncated:
-        size = "that of its class" if usual else "a guess"
-        notes.append(f"cut by the border of the picture: its size is {size}")
-    if obstacle.occluded:
-        notes.append("something nearer hides part of it")
-    return notes
+        Raises:
+            PairIdentical, LowTexture, MapEmpty: there is nothing to be seen.
+            LabelError: a box lies outside of the picture.
+        """
+        sight = self.sight(frame).sight
+        focal_px = sight.camera.focal_px
+        return [Measured(frame, one, focal_px) for one in measured(sight, self.detect(sight))]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -29,6 +30,7 @@ SET_SCALE = (
     "Set it by a distance that is known, `pseudolidar rectify SOURCE OUT --uncalibrated "
     "--known-distance baseline:0.12` (metres)."
 )
+SQUEEZED = "Right for pictures that were squeezed; else write the same number twice."
 # Disparities of truth and matches agree to this share; the readings a wrong scale comes from.
 TRUTH_SHARE, READINGS = 0.1, (16.0, 256.0, 1 / 16, 1 / 256)
 
@@ -93,7 +95,23 @@ def focal_found(rig: StereoRig, own: StereoRig | None) -> Finding:
     if UNEQUAL < unequal < UNEQUAL_MOST:
         text += f"; fx and fy differ by {unequal:.2%}, of rectified pictures they are equal"
         return Finding(FOCAL, "warn", text, 0.8, mend, figures)
+    if unequal >= UNEQUAL_MOST:
+        return _unlike(rig, text, figures)
     return Finding(FOCAL, "good", f"{text}; a pair alone cannot show it", None, "", figures)
+
+
+def _unlike(rig: StereoRig, text: str, figures: Mapping[str, float | int | None]) -> Finding:
+    """Judge pixels that are far from square: squeezed pictures have them, and mistaken matrices."""
+    fx, fy = (float(rig.left.K[i, i]) for i in (0, 1))
+    width, height = rig.left.size_px
+    text += (
+        f"; fx {fx:g} and fy {fy:g}: pixels {fx / fy:.3g} times as high as wide. Where they are "
+        f"square, fy is {fx:g}, and heights are told {fx / fy:.3g} times too large"
+    )
+    if abs(fx / fy * height / width - 1) > OTHER_FOCAL:
+        return Finding(FOCAL, "note", text, None, SQUEEZED, figures)
+    text += f". They are as {width} to {height}, the size of the picture, which no lens makes"
+    return Finding(FOCAL, "warn", text, 0.9, f"Write {fx:g} in place of {fy:g}.", figures)
 
 
 def truth_found(fit: RowFit | None, truth: DisparityMap) -> Finding:

@@ -38,6 +38,7 @@ class ObstaclesReport:
         skipped: id and reason of frames that could not be used.
         warnings: what is odd about the pairs.
         networks: those that were used, as they describe themselves.
+        unpaired: labels that belong to no frame, in words.
     """
 
     subject: str
@@ -50,11 +51,13 @@ class ObstaclesReport:
     skipped: Sequence[tuple[str, str]] = ()
     warnings: Sequence[str] = ()
     networks: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    unpaired: Sequence[str] = ()
 
     @property
     def exit_code(self) -> int:
-        """4 if frames were skipped or have no labels, else 0."""
-        return SOME_SKIPPED if self.skipped or self.without_labels else ALL_DONE
+        """4 if frames were skipped or have no labels, or labels have no frame, else 0."""
+        left_out = self.skipped or self.without_labels or self.unpaired
+        return SOME_SKIPPED if left_out else ALL_DONE
 
     @property
     def recall(self) -> float | None:

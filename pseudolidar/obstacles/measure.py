@@ -18,6 +18,7 @@ from pseudolidar.obstacles.patch import PatchDepth, patch_depth
 from pseudolidar.obstacles.plausible import BORDER_PX, EDGE_PX, by_footing, by_size, is_cut
 from pseudolidar.obstacles.separate import Owned, separated
 from pseudolidar.obstacles.sight import Sight
+from pseudolidar.obstacles.texture import row_texture
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.box import Box3D, Detection
 from pseudolidar.structures.camera import LEFT_FRAME
@@ -74,7 +75,7 @@ def _obstacle(sight: Sight, detection: Detection, owned: Owned, R: Float64) -> O
         box=box,
         sigma_heading_rad=_sigma_heading(footprint),
         measured_by="points" if patch is None else "patch",
-        confidence=_confidence(detection, owned, patch),
+        confidence=_confidence(detection, owned, patch) * _texture(sight, detection, size),
         truncated=truncated,
         occluded=occluded,
         sigma_shared_m=_shared_m(sight, distance_m),
@@ -89,6 +90,13 @@ def _confidence(detection: Detection, owned: Owned, patch: PatchDepth | None) ->
     filled = min(1.0, float(owned.pixels.weight.sum()) / (WELL_FILLED * owned.pixels.area))
     confidence = detection.score * filled * float(np.exp(0.5 * owned.log_plausible))
     return float(np.clip(confidence, 0.0, 1.0))
+
+
+def _texture(sight: Sight, detection: Detection, size: ClassSize) -> float:
+    """What may be flat and plain, as drawn boxes, is no surer than what there is to be matched."""
+    if size.round_m or detection.mask is not None:
+        return 1.0
+    return row_texture(sight, detection)
 
 
 def _surest(pixels: Frustum) -> Frustum:

@@ -108,13 +108,17 @@ class DrawnRegions:
     drawn: Mapping[str, tuple[Detection, ...]]
     path: str | None
 
+    def boxes_of(self, frame_id: str) -> tuple[Detection, ...]:
+        """The boxes of a frame, wherever they lie."""
+        return (*self.drawn.get(EVERY_FRAME, ()), *self.drawn.get(frame_id, ()))
+
     def __call__(self, sight: Sight) -> tuple[Detection, ...]:
         """The boxes of a frame; none is a valid result.
 
         Raises:
             LabelError: a box lies outside of the picture.
         """
-        found = (*self.drawn.get(EVERY_FRAME, ()), *self.drawn.get(sight.id, ()))
+        found = self.boxes_of(sight.id)
         width, height = sight.camera.size_px
         for one in found:
             left, top, right, bottom = one.box_px

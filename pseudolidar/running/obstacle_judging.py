@@ -127,4 +127,5 @@ def judge_obstacles(
         seconds_per_frame=float(np.median([frame.seconds for frame in judged])),
         skipped=[(frame.id, str(frame.error)) for frame in skipped],
         warnings=warnings,
+        unpaired=source.summary.unpaired,
     )

@@ -22,6 +22,8 @@ from pseudolidar.sources.source import SourceSummary
 SCHEMA = 1
 # Skipped frames named one by one on the terminal; report.json has all.
 NAMED_SKIPS = 5
+# What both files say of how many frames there are, and of what is missing.
+COUNTS = ("frames", "committed", "lost", "unpaired")
 ALREADY_COMPLETE = "the folder is already complete"
 
 
@@ -90,9 +92,12 @@ class RunResult:
 
     @property
     def exit_code(self) -> int:
-        """0 all done, 4 some frames skipped or lost, else of what ended the run early."""
-        skipped = SOME_SKIPPED if self.skipped or self.source.lost else ALL_DONE
-        return self.ended_by or self.halted_by or skipped
+        """0 all done, 4 something was left out, else of what ended the run early.
+
+        Left out are frames that were skipped or lost, and labels that belong to no frame.
+        """
+        left_out = self.skipped or self.source.lost or self.source.unpaired
+        return self.ended_by or self.halted_by or (SOME_SKIPPED if left_out else ALL_DONE)
 
     @property
     def ended_early(self) -> bool:
@@ -112,6 +117,7 @@ class RunResult:
             "committed": len(self.committed),
             "skipped": len(self.skipped),
             "lost": list(self.source.lost),
+            "unpaired": list(self.source.unpaired),
             "passed_now": self.passed_now,
             "ended_early": self.ended_early,
             "exit_code": self.exit_code,
@@ -123,7 +129,8 @@ class RunResult:
 
     def text(self) -> str:
         """The same for people: what was done, what was not, and what to do about it."""
-        lost = (printable(f"  {line}") for line in self.source.lost)
+        left_out = (*self.source.lost, *self.source.unpaired)
+        lost = (printable(f"  {line}") for line in left_out)
         skipped = self.skip_lines(NAMED_SKIPS)
         return "\n".join([self._done_line(), *skipped, *lost, *self._stop_lines()])
 
@@ -175,10 +182,7 @@ def write_results(folder: Path, result: RunResult, job: object) -> None:
     }
     report = {
         **head,
-        **{
-            key: run[key]
-            for key in ("frames", "committed", "lost", "exit_code", "figures", "warnings")
-        },
+        **{key: run[key] for key in (*COUNTS, "exit_code", "figures", "warnings")},
         "skipped": [
             {"id": record.id, "index": record.index, **(record.skipped or {})}
             for record in result.skipped

@@ -15,6 +15,9 @@ from pseudolidar.structures.disparity import DEFAULT_MIN_DEPTH_M
 from pseudolidar.structures.frame import RawPair, StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, HeldFrame, RecordedCloud
 
+# Notes about optional data of a frame that has no pictures say so.
+UNPAIRED = " without a pair of pictures: "
+
 _log = logging.getLogger(__name__)
 
 AnyFrame = TypeVar("AnyFrame", bound=HeldFrame, covariant=True)
@@ -66,6 +69,11 @@ class SourceSummary:
     def lost(self) -> tuple[str, ...]:
         """Which of the notes tell of frames, or parts of them, that a damaged file held."""
         return tuple(note for note in self.notes if note.startswith(LOST))
+
+    @property
+    def unpaired(self) -> tuple[str, ...]:
+        """Which of the notes tell of labels that belong to no pair of pictures."""
+        return tuple(note for note in self.notes if note.startswith(f"labels{UNPAIRED}"))
 
 
 class FrameSequence(Protocol[AnyFrame]):

@@ -246,6 +246,11 @@ def test_the_focal_length_of_the_wrong_matrix(worlds):
     assert focal_found(with_focal(1.003 * f, f), None).severity == "warn"
     assert focal_found(with_focal(1.0001 * f, f), None).severity == "good"
     assert focal_found(with_focal(40 * f, 40 * f), None).severity == "warn"
+    assert focal_found(with_focal(2 * f, f), None).severity == "note"  # squeezed pictures
+    width, height = rig.left.size_px
+    mistaken = focal_found(with_focal(f, f * height / width), None)
+    assert mistaken.severity == "warn"
+    assert "no lens makes" in mistaken.text
 
 
 @pytest.mark.parametrize("factor", [1.0, 16.0, 256.0, 1 / 16, 1 / 256, 3.0])

@@ -98,9 +98,30 @@ def test_what_cannot_be_matched_is_said_not_to_be_measured(tmp_path, pair: Path,
     (tmp_path / "rig.json").write_text(rig)
     for box in ("300,5,340,40", "300,20.2,300.4,20.4"):
         job = ["measure", str(tmp_path), "--box", box, "--name", "a\x1b[31m\nb"]
-        assert main(job) == 0
+        assert main(job) == 4
         out = capsys.readouterr().out
         assert "it is not measured" in out
         assert "hides part" not in out
         assert "\x1b" not in out
         assert r"a\x1b[31m\nb: nothing in it was matched" in out
+
+
+def test_only_frames_with_a_box_are_matched_and_a_bad_one_is_told(pair: Path, tmp_path, capsys):
+    for eye in ("left", "right"):
+        (tmp_path / eye).mkdir()
+        for name in ("0", "1", "2"):
+            picture = cv2.imread(str(pair / eye / "0.png"))
+            cv2.imwrite(str(tmp_path / eye / f"{name}.png"), picture)
+    (tmp_path / "rig.json").write_text((pair / "rig.json").read_text())
+    bad = tmp_path / "left" / "1.png"
+    bad.write_bytes(bad.read_bytes()[:3000])
+    boxes = tmp_path / "boxes.csv"
+    head = "frame,left,top,right,bottom\n"
+    job = (tmp_path, "--box", boxes, "--frame", ":", "--no-check")
+    boxes.write_text(f"{head}0,{BOX}\n2,{BOX}\n")
+    found = told(capsys, *job)
+    assert [one["frame"] for one in found["measured"]] == ["0", "2"]
+    boxes.write_text(f"{head}0,{BOX}\n1,{BOX}\n")
+    found = told(capsys, *job, code=4)
+    assert [one["frame"] for one in found["measured"]] == ["0"]
+    assert [(one["frame"], one["code"]) for one in found["skipped"]] == [("1", "ImageTruncated")]

@@ -300,3 +300,14 @@ def test_a_corridor_stops_a_robot(street, tmp_path, capsys) -> None:
         assert stopped["ended_early"]
     error = told(capsys, "obstacles", street, str(tmp_path), "--stop-at", "3", code=2)["error"]
     assert "--corridor" in error["fix"]
+
+
+def test_labels_of_frames_that_have_no_picture_are_told(street, tmp_path, capsys) -> None:
+    data = tmp_path / "data"
+    shutil.copytree(street, data)
+    (labels,) = data.glob("**/label_2")
+    shutil.copy(labels / "000001.txt", labels / "000007.txt")
+    job = ("obstacles", str(data), str(tmp_path / "out"), "--detector", "none", "--frames", "0")
+    found = told(capsys, *job, code=4)
+    assert found["unpaired"] == ["labels without a pair of pictures: 000007.txt"]
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["exit_code"] == 4

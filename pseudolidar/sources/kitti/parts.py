@@ -18,6 +18,7 @@ from pseudolidar.sources.numbered import (
     listed,
     numbered_files,
 )
+from pseudolidar.sources.source import UNPAIRED
 
 CameraChoice = Literal["auto", "colour", "grey"]
 CameraKind = Literal["colour", "grey"]
@@ -158,7 +159,7 @@ def stray_note(name: str, files: NumberedFiles, numbers: Iterable[FrameNumber]) 
     if not strays:
         return ()
     names = listed(files.paths[number].name for number in strays)
-    return (f"{name} without a pair of pictures: {names}",)
+    return (f"{name}{UNPAIRED}{names}",)
 
 
 def one_of(what: str, names: Sequence[str], wanted: str | None, *, path: Path) -> int:
