@@ -32,6 +32,8 @@ def turbo(values: AnyArray, low: float, high: float) -> UInt8:
 
     scaled = np.clip((np.asarray(values, np.float32) - low) / max(high - low, 1e-9), 0, 1)
     levels = np.where(np.isfinite(scaled), 255 * scaled, 0).astype(np.uint8)
+    if not levels.size:  # of which OpenCV makes nothing
+        return np.zeros((*levels.shape, 3), np.uint8)
     bgr = cv2.applyColorMap(levels.reshape(-1, 1), cv2.COLORMAP_TURBO)
     picture = bgr[:, 0, ::-1].reshape(*levels.shape, 3).copy()
     picture[~np.isfinite(values)] = NOTHING

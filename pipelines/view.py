@@ -1,0 +1,112 @@
+"""Look at everything in a browser."""
+
+from __future__ import annotations
+
+import sys
+import webbrowser
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+# The package path of pipelines/ is made at run time; mypy checks the file itself.
+from pseudolidar.pipelines.convert import Convert, ConvertFrame  # type: ignore[import-untyped]
+from pseudolidar.pipelines.convert import opened as opened_source
+
+from pseudolidar.clouds.ground_fit import GroundFit
+from pseudolidar.errors import ALL_DONE
+from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.running.field_markers import RUN_ONLY, Recognised
+from pseudolidar.running.matching import MatchFrame, Refining
+from pseudolidar.running.sighting import SMALL_THINGS_KEPT, SightFrame
+from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.selection import FrameSelection
+from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.filters.clean import Clean
+from pseudolidar.stereo.neural import Onnx
+from pseudolidar.stereo.sgbm import Bm, Sgbm
+from pseudolidar.viewer.address import LOOPBACK, Address
+from pseudolidar.viewer.app import App
+from pseudolidar.viewer.reel import SourceReel
+
+# How often it is looked whether somebody asked it to end, s.
+WATCH_S = 0.2
+
+
+@dataclass(frozen=True)
+class View:
+    """Serve PATH to a browser: clouds, pictures, obstacles, with a time line.
+
+    The printed address holds a token; whoever has it may look. Only this machine can come, unless
+    --host says otherwise. Over SSH forward the port: `ssh -L 8080:localhost:8080 robot`.
+
+        pseudolidar view synthetic:street
+        pseudolidar view KITTI/2011_09_26/2011_09_26_drive_0002_sync
+        pseudolidar view out/drive/pcd --no-browser --port 9000
+
+    Args:
+        source: pairs, depth, clouds, a recording, synthetic:NAME.
+        matcher: how disparities are found.
+        clean: what is removed of them because it is no surface; `none` keeps all.
+        frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
+        rig: calibration that replaces the source's cameras.
+        rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
+        port: to listen at, 0 for any that is free.
+        host: to listen at; others than 127.0.0.1 let other machines in, which still need the token.
+        browser: open the page.
+    """
+
+    source: Annotated[Source, Recognised(recognise)]
+    matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
+    clean: Clean | None = field(default_factory=Clean)
+    frames: FrameSelection | None = None
+    rig: Path | None = None
+    rig_unit: RigUnit | None = None
+    port: Annotated[int, RUN_ONLY] = 8080
+    host: Annotated[str, RUN_ONLY] = LOOPBACK
+    browser: Annotated[bool, RUN_ONLY] = True
+
+    @property
+    def conversion(self) -> Convert:
+        """What `convert` would do."""
+        return Convert(
+            self.source,
+            matcher=self.matcher,
+            clean=self.clean,
+            frames=self.frames,
+            rig=self.rig,
+            rig_unit=self.rig_unit,
+        )
+
+
+def run(job: View) -> ViewReport:
+    """Serve until somebody ends it: Ctrl-C, or the terminal that it runs in is closed.
+
+    Raises:
+        ServeError: the address cannot be had.
+    """
+    source = opened_source(job.conversion)
+    convert = ConvertFrame.of(job.conversion, source)
+    reel = SourceReel(source, convert.converted)
+    small = MatchFrame.load(source, job.matcher, Refining(), SMALL_THINGS_KEPT)
+    sighted = SightFrame.of(small, GroundFit())
+    with App.served(Address(job.host, job.port), reel, sighted) as app:
+        print(app.url, file=sys.stderr, flush=True)  # noqa: T201 - printed at once, not at the end
+        if job.browser:
+            webbrowser.open(app.url)
+        app.wait()
+    return ViewReport()
+
+
+@dataclass(frozen=True)
+class ViewReport:
+    """Nothing is left of it."""
+
+    exit_code = ALL_DONE
+
+    def as_dict(self) -> dict[str, Any]:
+        """Nothing."""
+        return {}
+
+    def text(self) -> str:
+        """Nothing."""
+        return ""

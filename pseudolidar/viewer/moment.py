@@ -1,0 +1,135 @@
+"""What there is to see of one frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+
+from pseudolidar.geometry.cloud_frames import forward_frame, left_in
+from pseudolidar.geometry.frame_chain import chain
+from pseudolidar.geometry.frames import MAP
+from pseudolidar.running.products.converted import Converted
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.camera import Camera
+from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.structures.frame import LidarScan, StereoFrame
+from pseudolidar.structures.pose import Pose
+from pseudolidar.structures.recorded import DepthFrame
+
+# Names of the clouds of a frame: as cameras see it, as its LiDAR does, as it was recorded.
+STEREO, VELODYNE, POINTS = "stereo", "velodyne", "points"
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """A camera as it stands in the scene.
+
+    Args:
+        camera: its pinhole.
+        T_forward_camera: (4, 4) maps its points into the frame of the clouds.
+    """
+
+    camera: Camera
+    T_forward_camera: Float64
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """One frame, ready to be drawn.
+
+    Args:
+        id: the source's name of it.
+        index: place in the source.
+        timestamp_ns: when it was taken.
+        clouds: by name, all in one frame with x forward, y left, z up.
+        sight: the left camera, or the only one; None where clouds came alone.
+        T_map_forward: (4, 4) where that frame is in the map; None where nobody knows.
+        converted: pictures, disparities and depth that the clouds were made of.
+        fault: why it cannot be shown; then there is nothing else.
+    """
+
+    id: str
+    index: int
+    timestamp_ns: int = 0
+    clouds: Mapping[str, PointCloud] = field(default_factory=dict)
+    sight: Sight | None = None
+    T_map_forward: Float64 | None = None
+    converted: Converted | None = None
+    fault: str = ""
+
+    @classmethod
+    def of(cls, converted: Converted) -> Self:
+        """What a conversion made of a frame."""
+        frame, cloud = converted.frame, converted.forward_cloud
+        return cls(
+            frame.id,
+            frame.index,
+            frame.timestamp_ns,
+            _clouds(converted, cloud),
+            _sight(converted, cloud.frame),
+            _in_map(converted, cloud.frame),
+            converted,
+        )
+
+    @property
+    def nbytes(self) -> int:
+        """What it holds, roughly."""
+        columns = [
+            column
+            for cloud in self.clouds.values()
+            for column in (cloud.xyz, cloud.rgb, cloud.sigma_m, cloud.uv, *cloud.extra.values())
+            if column is not None
+        ]
+        made = self.converted
+        if made is not None:
+            maps = (made.disparity, made.depth)
+            columns += [array for each in maps if each is not None for array in (each.values,)]
+            if isinstance(made.frame, StereoFrame):
+                columns += [made.frame.left, made.frame.right]
+        return sum(column.nbytes for column in columns)
+
+
+def _clouds(converted: Converted, cloud: PointCloud) -> dict[str, PointCloud]:
+    frame = converted.frame
+    if not isinstance(frame, StereoFrame):
+        kind = STEREO if isinstance(frame, DepthFrame) else POINTS
+        return {kind: _finite(cloud)}
+    found = {STEREO: _finite(cloud)}
+    if frame.scan is not None and frame.rig.T_left_velodyne is not None:
+        T_forward_scan = chain(converted.tree, cloud.frame, frame.scan.frame)
+        if T_forward_scan is not None:
+            found[VELODYNE] = cloud_of_scan(frame.scan).transformed(T_forward_scan)
+    return found
+
+
+def cloud_of_scan(scan: LidarScan) -> PointCloud:
+    """A LiDAR's scan as a cloud, in its own frame."""
+    return PointCloud(scan.xyz, scan.frame, scan.timestamp_ns, intensity=scan.reflectance)
+
+
+def _finite(cloud: PointCloud) -> PointCloud:
+    valid = cloud.valid
+    return cloud if valid.all() and cloud.shape is None else cloud[valid]
+
+
+def _sight(converted: Converted, forward: str) -> Sight | None:
+    frame = converted.frame
+    if isinstance(frame, StereoFrame):
+        T = left_in(frame.rig, forward_frame(frame.rig, forward))
+        return Sight(frame.rig.left, T.matrix)
+    if isinstance(frame, DepthFrame):
+        T_forward_camera = chain(converted.tree, forward, frame.camera.frame)
+        camera = frame.camera
+        return None if T_forward_camera is None else Sight(camera, T_forward_camera.matrix)
+    return None
+
+
+def _in_map(converted: Converted, forward: str) -> Float64 | None:
+    frame = converted.frame
+    if isinstance(frame, StereoFrame | DepthFrame) and frame.pose is None:
+        return None
+    found: Pose | None = chain(converted.tree, MAP, forward)
+    return None if found is None else np.asarray(found.matrix)

@@ -1,0 +1,139 @@
+"""The pictures of the shown frame: point at a pixel, drag a box to measure what is in it."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+from collections.abc import Callable, Mapping
+from http import HTTPStatus
+from pathlib import Path
+
+import numpy as np
+
+from pseudolidar.errors import PseudolidarError
+from pseudolidar.formats.pictures.image import encode_jpeg, encode_png
+from pseudolidar.geometry.box_in_view import across_m
+from pseudolidar.obstacles.measure import measured
+from pseudolidar.running.products.converted import Converted
+from pseudolidar.running.sighting import Seen
+from pseudolidar.structures.box import Detection
+from pseudolidar.structures.obstacle import Obstacle
+from pseudolidar.structures.recorded import Frame
+from pseudolidar.viewer.answers import Answer
+from pseudolidar.viewer.pictures import camera_of, kinds, pixel_of
+from pseudolidar.viewer.view import View
+
+PAGE = Path(__file__).parent.parent / "pages" / "picture.html"
+# Pictures whose colours mean values; the others are photos.
+EXACT = ("disparity", "depth", "sigma", "error")
+HEIGHT_PX = 300
+# What an unnamed thing in a box is called.
+THING = "thing"
+
+
+class PicturePanel:
+    """A page of our own within viser's, that asks for what it shows.
+
+    Args:
+        view: what is looked at.
+        sighted: a frame to what things in it are measured by; None where they cannot be.
+    """
+
+    def __init__(self, view: View, sighted: Callable[[Frame], Seen] | None) -> None:
+        self._view, self._sighted = view, sighted
+        self._seen: tuple[int, Seen] | None = None
+        self._measuring = threading.Lock()
+        page = PAGE.read_bytes()
+        view.server.pages |= {
+            "/picture": lambda _query: Answer(page, "text/html; charset=utf-8"),
+            "/picture/state": self._state,
+            "/picture/view": self._picture,
+            "/picture/pixel": self._pixel,
+            "/picture/measure": self._measure,
+        }
+        with view.gui.add_folder("Pictures"):
+            view.gui.add_html(
+                f'<iframe src="/picture" title="Pictures" style="width:100%;height:{HEIGHT_PX}px;'
+                'border:0;display:block"></iframe>'
+            )
+
+    def _state(self, _query: Mapping[str, str]) -> Answer:
+        converted = self._converted
+        state = {"version": self._view.version, "dark": self._view.dark, "kinds": []}
+        if converted is not None and (found := kinds(converted)):
+            camera = camera_of(converted.frame)
+            state |= {"kinds": list(found), "width": camera.width_px, "height": camera.height_px}
+        return _json(state)
+
+    def _picture(self, query: Mapping[str, str]) -> Answer:
+        converted, kind = self._converted, query.get("kind", "")
+        found = {} if converted is None else kinds(converted)
+        if converted is None or kind not in found:
+            return Answer(b"", "text/plain", HTTPStatus.NOT_FOUND)
+        pixels = np.ascontiguousarray(found[kind](converted))
+        if kind in EXACT:
+            return Answer(encode_png(pixels), "image/png")
+        return Answer(encode_jpeg(pixels), "image/jpeg")
+
+    def _pixel(self, query: Mapping[str, str]) -> Answer:
+        converted, place = self._converted, _numbers(query, "x", "y")
+        if converted is None or place is None or not kinds(converted):
+            return _json({"text": ""})
+        pixel = pixel_of(converted, *place)
+        if "mark" in query:
+            self._view.stage.mark(pixel.xyz_m if np.isfinite(pixel.depth_m) else None)
+        return _json({"text": pixel.text})
+
+    def _measure(self, query: Mapping[str, str]) -> Answer:
+        box = _numbers(query, "left", "top", "right", "bottom")
+        moment = self._view.moment
+        if self._sighted is None or box is None or moment is None or moment.converted is None:
+            return _json({"text": "nothing can be measured here"})
+        left, top, right, bottom = box
+        if not (left <= right and top <= bottom):
+            return Answer(b"", "text/plain", HTTPStatus.BAD_REQUEST)
+        try:
+            sight = self._sight(self._sighted, moment.converted.frame).sight
+            (obstacle,) = measured(sight, [Detection(THING, (left, top, right, bottom))])
+        except PseudolidarError as error:
+            return _json({"text": str(error)})
+        self._view.stage.show_box(obstacle.box)
+        return _json({"text": _said(obstacle), "distance_m": obstacle.distance_m})
+
+    def _sight(self, sighted: Callable[[Frame], Seen], frame: Frame) -> Seen:
+        """What is seen in a frame; of the last one it is known already."""
+        with self._measuring:
+            if self._seen is None or self._seen[0] != id(frame):
+                self._seen = id(frame), sighted(frame)
+            return self._seen[1]
+
+    @property
+    def _converted(self) -> Converted | None:
+        moment = self._view.moment
+        return None if moment is None else moment.converted
+
+
+def _said(obstacle: Obstacle) -> str:
+    if obstacle.measured_by == "size":
+        return "nothing in it was matched (sky, no texture, or too small): it is not measured"
+    box = obstacle.box
+    assert box.sigma_m is not None  # an Obstacle has it
+    return (
+        f"distance {obstacle.distance_m:.2f} ± {obstacle.sigma_distance_m:.2f} m\n"
+        f"{across_m(box):.2f} m across, {box.height_m:.2f} ± {box.sigma_m[5]:.2f} m high\n"
+        f"{obstacle.points} points, confidence {obstacle.confidence:.2f}"
+    )
+
+
+def _numbers(query: Mapping[str, str], *names: str) -> tuple[float, ...] | None:
+    """Finite numbers of a query; None where one is missing or is none."""
+    try:
+        found = tuple(float(query[name]) for name in names)
+    except (KeyError, ValueError):
+        return None
+    return found if all(map(math.isfinite, found)) else None
+
+
+def _json(value: object) -> Answer:
+    return Answer(json.dumps(value).encode())

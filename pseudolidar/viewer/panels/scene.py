@@ -1,0 +1,110 @@
+"""Which clouds are drawn, what their colours mean, how large their points are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pseudolidar.viewer.colouring import Colouring, ways
+from pseudolidar.viewer.controls import set_value
+from pseudolidar.viewer.moment import VELODYNE, Moment
+from pseudolidar.viewer.stage import Look
+from pseudolidar.viewer.view import View
+
+# Of a scan the points are few: they are drawn larger, in a colour of their own.
+SCAN_LOOK = Look(Colouring("range"), point_m=0.06)
+GROUND_FADES_M = 80.0
+
+
+class ScenePanel:
+    """A folder for each cloud, and what is drawn besides.
+
+    Args:
+        view: what is looked at.
+    """
+
+    def __init__(self, view: View) -> None:
+        self._view = view
+        self._folders: dict[str, CloudControls] = {}
+        gui, scene = view.gui, view.server.viser.scene
+        view.stage.looks.setdefault(VELODYNE, SCAN_LOOK)
+        self._grid = scene.add_grid(
+            "/map/grid", infinite_grid=True, cell_size=1.0, section_size=10.0,
+            fade_distance=GROUND_FADES_M, visible=False,
+        )  # fmt: skip
+        self._clouds = gui.add_folder("Clouds")
+        with gui.add_folder("Scene", expand_by_default=False):
+            follow = gui.add_checkbox("Follow the rig", initial_value=True)
+            axes = gui.add_checkbox("Axes", initial_value=True)
+            grid = gui.add_checkbox("Ground grid, 1 m and 10 m", initial_value=False)
+            dark = gui.add_checkbox("Dark", initial_value=True)
+        follow.on_update(lambda _: self._follow(following=follow.value))
+        axes.on_update(lambda _: view.stage.show_axes(shown=axes.value))
+        grid.on_update(lambda _: setattr(self._grid, "visible", grid.value))
+        dark.on_update(lambda _: view.set_theme(dark=dark.value))
+        view.on_shown(self._show)
+
+    def _follow(self, *, following: bool) -> None:
+        self._view.stage.follow = following
+        self._view.redraw()
+
+    def _show(self, moment: Moment) -> None:
+        for name in moment.clouds:
+            if name not in self._folders:
+                with self._clouds:
+                    self._folders[name] = CloudControls(self._view, name, moment)
+            self._folders[name].show()
+
+
+class CloudControls:
+    """How one cloud looks.
+
+    Args:
+        view: what is looked at.
+        name: of the cloud.
+        moment: the first that has it: says what its colours can mean.
+    """
+
+    def __init__(self, view: View, name: str, moment: Moment) -> None:
+        self._view, self._name = view, name
+        gui, look = view.gui, view.stage.look(name)
+        possible = ways(moment.clouds[name])
+        chosen = look.colouring.by if look.colouring.by in possible else possible[-1]
+        with gui.add_folder(name):
+            self._visible = gui.add_checkbox("Shown", initial_value=look.visible)
+            self._by = gui.add_dropdown("Colour", possible, initial_value=chosen)
+            self._bar = gui.add_image(np.zeros((14, 256, 3), np.uint8), visible=False)
+            self._ends = gui.add_vector2("Blue, red", (0.0, 1.0), step=0.01, visible=False)
+            self._size = gui.add_slider(
+                "Point, m", min=0.005, max=0.3, step=0.005, initial_value=look.point_m
+            )
+        self._visible.on_update(lambda _: self._set(visible=self._visible.value))
+        self._size.on_update(lambda _: self._set(point_m=self._size.value))
+        self._by.on_update(lambda _: self._set(colouring=Colouring(self._by.value)))
+        self._ends.on_update(lambda _: self._set_ends())
+
+    def _set(self, **changes: Any) -> None:
+        stage = self._view.stage
+        stage.looks[self._name] = replace(stage.look(self._name), **changes)
+        self._view.redraw()
+
+    def _set_ends(self) -> None:
+        low, high = self._ends.value
+        colouring = self._view.stage.look(self._name).colouring
+        if high > low and (low, high) != (colouring.low, colouring.high):
+            self._set(colouring=replace(colouring, low=low, high=high))
+
+    def show(self) -> None:
+        """Draw the bar of the colours that are shown."""
+        scale = self._view.stage.scale(self._name)
+        self._bar.visible = self._ends.visible = scale is not None
+        if scale is None:
+            return
+        ends = (round(scale.low, 3), round(scale.high, 3))
+        if self._ends.value != ends:
+            set_value(self._ends, ends)
+            self._bar.image = scale.picture()
+            unit = f", {scale.unit}" if scale.unit else ""
+            self._ends.label = f"Blue, red{unit}"

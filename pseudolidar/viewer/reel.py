@@ -1,0 +1,70 @@
+"""Frames to look at, one after the other, made when they are wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from pseudolidar.errors import PseudolidarError
+from pseudolidar.formats.timestamps import NS_PER_S
+from pseudolidar.running.products.converted import Converted
+from pseudolidar.sources.source import FrameSequence
+from pseudolidar.structures.recorded import Frame
+from pseudolidar.viewer.moment import Moment
+
+
+class Reel(Protocol):
+    """A sequence that can be looked at."""
+
+    @property
+    def name(self) -> str:
+        """What it is, in one line."""
+
+    @property
+    def ids(self) -> Sequence[str]:
+        """Names of the frames in order."""
+
+    @property
+    def times_s(self) -> Sequence[float]:
+        """When each was taken, since the first."""
+
+    def load(self, index: int) -> Moment:
+        """Make a frame ready to be drawn; callable from any thread. Faults are told in it."""
+
+
+@dataclass(frozen=True)
+class SourceReel:
+    """The frames of a source, made into clouds as `convert` does.
+
+    Args:
+        source: opened.
+        convert: a frame to what is made of it.
+    """
+
+    source: FrameSequence[Frame]
+    convert: Callable[[Frame], Converted]
+
+    @property
+    def name(self) -> str:
+        """What the source is."""
+        return self.source.summary.line
+
+    @property
+    def ids(self) -> Sequence[str]:
+        """Names of the frames."""
+        return self.source.ids
+
+    @property
+    def times_s(self) -> Sequence[float]:
+        """When each was taken, since the first."""
+        times_ns = self.source.timestamps_ns
+        return [(time_ns - times_ns[0]) / NS_PER_S for time_ns in times_ns]
+
+    def load(self, index: int) -> Moment:
+        """Match and reproject a pair; a frame that cannot be used says why."""
+        try:
+            moment = Moment.of(self.convert(self.source.load(index)))
+        except PseudolidarError as error:
+            return Moment(self.ids[index], index, fault=str(error))
+        return replace(moment, index=index)

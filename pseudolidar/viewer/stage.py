@@ -1,0 +1,204 @@
+"""What is drawn: clouds, cameras and ground as nodes of viser, changed in place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pseudolidar.geometry.quaternion import quaternion_wxyz
+from pseudolidar.geometry.twists import inverted
+from pseudolidar.running.reports.samples import photo_of
+from pseudolidar.structures.arrays import Float32, Float64, UInt8
+from pseudolidar.structures.box import BOX_EDGES, Box3D
+from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.viewer.colouring import Colouring, Scale
+from pseudolidar.viewer.moment import Moment, Sight
+from pseudolidar.viewer.thinned import thinned
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+# Nodes: what lies still, what moves with the rig.
+MAP, RIG = "/map", "/map/rig"
+# Points of one cloud of a frame.
+MOST_POINTS = 150_000
+# Width of the photo in a camera's frustum, px, and how far ahead of the camera it stands, m.
+PHOTO_PX, FRUSTUM_M = 320, 1.5
+CAMERA_COLOUR = (240, 160, 30)
+# The marked point, and the box that was measured.
+MARK_M, MARK_COLOUR, BOX_COLOUR = 0.12, (255, 80, 80), (255, 212, 59)
+
+
+@dataclass(frozen=True)
+class Look:
+    """How clouds look.
+
+    Args:
+        colouring: what their colours mean.
+        point_m: side of a point.
+        most_points: of each cloud.
+        visible: whether it is drawn.
+    """
+
+    colouring: Colouring = Colouring()
+    point_m: float = 0.04
+    most_points: int = MOST_POINTS
+    visible: bool = True
+
+
+class Stage:
+    """The scene of a server.
+
+    Everything is placed relative to the first pose that is shown, so that numbers on the wire are
+    small wherever on Earth it is.
+
+    Args:
+        server: draws.
+    """
+
+    def __init__(self, server: ViserServer) -> None:
+        self._server, self._scene = server, server.scene
+        self._scene.set_up_direction("+z")
+        self._map = self._scene.add_frame(MAP, show_axes=False)
+        self._rig = self._scene.add_frame(RIG, axes_length=1.0, axes_radius=0.02)
+        self._clouds: dict[str, Any] = {}
+        self._camera: Any = None
+        self._mark: Any = None
+        self._box: Any = None
+        self._sight: Sight | None = None
+        self._origin: Float64 | None = None
+        self.looks: dict[str, Look] = {}
+        self.follow = True
+        self.shown: dict[str, PointCloud] = {}
+
+    def look(self, name: str) -> Look:
+        """How a cloud looks, by its name."""
+        return self.looks.get(name, Look())
+
+    def show(self, moment: Moment) -> None:
+        """Draw a frame in the place of the one before."""
+        self.shown, self._sight = {}, moment.sight
+        self.mark(None)
+        self.show_box(None)
+        with self._server.atomic():
+            self._place(moment.T_map_forward)
+            for name, cloud in moment.clouds.items():
+                self._draw_cloud(name, cloud)
+            for name in set(self._clouds) - set(moment.clouds):
+                self._clouds[name].visible = False
+            self._draw_camera(moment)
+
+    def mark(self, xyz_m: Float64 | None) -> None:
+        """Mark a point of the left camera's frame, or none."""
+        if self._mark is None:
+            self._mark = self._scene.add_icosphere(
+                f"{RIG}/mark", radius=MARK_M, color=MARK_COLOUR, visible=False
+            )
+        place = None if xyz_m is None else self._from_camera(xyz_m)
+        self._mark.visible = place is not None
+        if place is not None:
+            self._mark.position = place
+
+    def show_box(self, box: Box3D | None) -> None:
+        """Draw a box of the left camera's frame, or none."""
+        if self._box is not None:
+            self._box.visible = box is not None
+        edges = None if box is None else self._edges(box)
+        if edges is None:
+            return
+        if self._box is None:
+            self._box = self._scene.add_line_segments(
+                f"{RIG}/measured", edges, BOX_COLOUR, thickness=2.0, thickness_units="screen"
+            )
+        self._box.points = edges
+
+    def _edges(self, box: Box3D) -> Float32 | None:
+        placed = [self._from_camera(corner) for corner in box.corners_m()]
+        if any(corner is None for corner in placed):
+            return None
+        return np.asarray([[placed[a], placed[b]] for a, b in BOX_EDGES], np.float32)
+
+    def _from_camera(self, xyz_m: Float64) -> Float64 | None:
+        if self._sight is None:
+            return None
+        return np.asarray((self._sight.T_forward_camera @ np.append(xyz_m, 1.0))[:3])
+
+    def show_axes(self, *, shown: bool) -> None:
+        """Draw the axes of the rig, or not."""
+        self._rig.show_axes = shown
+
+    def scale(self, name: str) -> Scale | None:
+        """The bar of a cloud's colours; None where they are no numbers."""
+        return self.look(name).colouring.scale()
+
+    def in_map(self, T_map_forward: Float64 | None) -> Float64:
+        """(4, 4) a pose relative to the first one shown."""
+        T = np.eye(4) if T_map_forward is None else T_map_forward.copy()
+        if self._origin is None:
+            self._origin = T[:3, 3].copy()
+        T[:3, 3] -= self._origin
+        return T
+
+    def _place(self, T_map_forward: Float64 | None) -> None:
+        T = self.in_map(T_map_forward)
+        self._rig.wxyz, self._rig.position = quaternion_wxyz(T[:3, :3]), T[:3, 3]
+        # To follow the rig is to move the map under it.
+        T_scene_map = inverted(T) if self.follow else np.eye(4)
+        self._map.wxyz = quaternion_wxyz(T_scene_map[:3, :3])
+        self._map.position = T_scene_map[:3, 3]
+
+    def _draw_cloud(self, name: str, cloud: PointCloud) -> None:
+        look = self.look(name)
+        settled = replace(look, colouring=look.colouring.settled(cloud))
+        self.looks[name] = settled
+        drawn = thinned(cloud, look.most_points)
+        self.shown[name] = drawn
+        points, colours = drawn.xyz.astype(np.float32), settled.colouring.colours(drawn)
+        handle = self._clouds.get(name)
+        if handle is None:
+            self._clouds[name] = self._scene.add_point_cloud(
+                f"{RIG}/{name}",
+                points,
+                colours,
+                point_size=look.point_m,
+                point_shape="rounded",
+                point_shading="flat",
+                precision="float32",
+                visible=look.visible,
+            )
+            return
+        handle.points, handle.colors = points, colours
+        handle.point_size, handle.visible = look.point_m, look.visible
+
+    def _draw_camera(self, moment: Moment) -> None:
+        sight = moment.sight
+        if sight is None or moment.converted is None:
+            if self._camera is not None:
+                self._camera.visible = False
+            return
+        photo = _small(photo_of(moment.converted.frame))
+        if self._camera is None:
+            self._camera = self._scene.add_camera_frustum(
+                f"{RIG}/camera", *_opening(sight), scale=FRUSTUM_M, color=CAMERA_COLOUR, image=photo
+            )
+        self._camera.image, self._camera.visible = photo, True
+        T = sight.T_forward_camera
+        self._camera.wxyz, self._camera.position = quaternion_wxyz(T[:3, :3]), T[:3, 3]
+
+
+def _opening(sight: Sight) -> tuple[float, float]:
+    """Vertical angle, rad, and width over height of a camera."""
+    camera = sight.camera
+    fov = 2 * np.arctan2(camera.height_px / 2, float(camera.K[1, 1]))
+    return float(fov), camera.width_px / camera.height_px
+
+
+def _small(photo: UInt8) -> UInt8:
+    import cv2
+
+    height, width = photo.shape[:2]
+    size = PHOTO_PX, max(round(PHOTO_PX * height / width), 1)
+    small = np.asarray(cv2.resize(photo, size, interpolation=cv2.INTER_AREA), np.uint8)
+    return small if small.ndim == 3 else small[:, :, None].repeat(3, axis=2)

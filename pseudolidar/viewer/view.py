@@ -1,0 +1,140 @@
+"""What all panels share: the server, the frame that is shown, and the loop that moves it."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from pseudolidar.viewer.moment import Moment
+from pseudolidar.viewer.ready import AHEAD, Ready
+from pseudolidar.viewer.reel import Reel
+from pseudolidar.viewer.server import GuardedServer
+from pseudolidar.viewer.stage import Stage
+from pseudolidar.viewer.timeline import Timeline
+
+if TYPE_CHECKING:
+    from viser import GuiApi
+
+_log = logging.getLogger(__name__)
+
+# How often it is looked whether something is to be drawn, s.
+TICK_S = 1 / 60
+
+
+class View:
+    """A sequence on a server.
+
+    Panels read `moment`, change `timeline`, `stage` and `reel`, and call `redraw`. What they hand
+    to `on_shown` is called with every frame that was drawn, by the one thread that draws.
+
+    Args:
+        server: with its guard.
+        reel: what is looked at.
+        workers: threads that make frames ready.
+    """
+
+    def __init__(self, server: GuardedServer, reel: Reel, *, workers: int = 2) -> None:
+        self.server, self.reel = server, reel
+        self.stage = Stage(server.viser)
+        self.timeline = Timeline(reel.times_s)
+        self.ready = Ready(lambda index: self.reel.load(index), workers=workers)
+        self.moment: Moment | None = None
+        self.version = 0
+        self.dark = True
+        self._listeners: list[Callable[[Moment], None]] = []
+        self._lock = threading.RLock()
+        self._stale = True
+        self._ended = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    @property
+    def gui(self) -> GuiApi:
+        """Controls of the page."""
+        return self.server.viser.gui
+
+    def set_theme(self, *, dark: bool) -> None:
+        """Dark or light."""
+        self.dark = dark
+        self.version += 1
+        self.gui.configure_theme(
+            dark_mode=dark, show_share_button=False, show_logo=False, control_width="large"
+        )
+
+    def on_shown(self, listener: Callable[[Moment], None]) -> None:
+        """Call this with every frame that was drawn."""
+        self._listeners.append(listener)
+
+    def redraw(self) -> None:
+        """Draw the shown frame again: how it looks has changed."""
+        with self._lock:
+            self._stale = True
+
+    def remake(self) -> None:
+        """Make all frames again: how they are made has changed."""
+        self.ready.forget()
+        self.redraw()
+
+    def play(self, *, playing: bool) -> None:
+        """Play or pause."""
+        with self._lock:
+            if playing:
+                self.timeline.play(time.monotonic())
+            else:
+                self.timeline.pause()
+
+    def jump(self, index: int) -> None:
+        """Show another frame."""
+        with self._lock:
+            self.timeline.jump(index, time.monotonic())
+
+    def step(self, by: int) -> None:
+        """Pause, and show a neighbour."""
+        with self._lock:
+            self.timeline.step(by, time.monotonic())
+
+    def set_speed(self, speed: float) -> None:
+        """Play faster or slower."""
+        with self._lock:
+            self.timeline.set_speed(speed, time.monotonic())
+
+    def start(self) -> None:
+        """Begin to draw, in a thread of its own."""
+        self._thread = threading.Thread(target=self._run, name="viewer", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Draw nothing more."""
+        self._ended.set()
+        if self._thread is not None:
+            self._thread.join()
+        self.ready.close()
+        self.server.stop()
+
+    def _run(self) -> None:
+        while not self._ended.is_set():
+            try:
+                self.tick(time.monotonic())
+            except Exception:  # a frame that cannot be drawn must not end the others
+                _log.exception("frame %d cannot be drawn", self.timeline.index)
+                self._stale = False
+            self._ended.wait(TICK_S)
+
+    def tick(self, now_s: float) -> None:
+        """Draw the frame that it is time for, if it is ready and not drawn."""
+        with self._lock:
+            timeline = self.timeline
+            if timeline.due(now_s) and self.ready.get(timeline.following) is not None:
+                timeline.advance(now_s)
+            self.ready.want(timeline.ahead(AHEAD))
+            moment = self.ready.get(timeline.index)
+            if moment is None or (moment is self.moment and not self._stale):
+                return
+            self._stale = False
+        self.moment = moment
+        self.stage.show(moment)
+        self.version += 1
+        for listener in self._listeners:
+            listener(moment)

@@ -1,0 +1,173 @@
+"""The viewer of a rendered street in a real browser."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page
+from playwright.sync_api import Frame as InnerPage
+from pseudolidar.pipelines.convert import Convert, ConvertFrame, opened
+
+from pseudolidar.clouds.ground_fit import GroundFit
+from pseudolidar.obstacles.measure import measured
+from pseudolidar.running.matching import MatchFrame, Refining
+from pseudolidar.running.sighting import SMALL_THINGS_KEPT, SightFrame
+from pseudolidar.sources.synthetic import Synthetic
+from pseudolidar.structures.box import Detection
+from pseudolidar.viewer.address import Address
+from pseudolidar.viewer.app import App
+from pseudolidar.viewer.reel import SourceReel
+
+
+@pytest.fixture(scope="module")
+def app() -> Iterator[App]:
+    job = Convert(Synthetic("street", frames=4, width_px=512))
+    source = opened(job)
+    sighted = SightFrame.of(
+        MatchFrame.load(source, job.matcher, Refining(), SMALL_THINGS_KEPT), GroundFit()
+    )
+    reel = SourceReel(source, ConvertFrame.of(job, source).converted)
+    with App.served(Address(port=0), reel, sighted) as served:
+        yield served
+
+
+@pytest.fixture(scope="module")
+def opened_page(app: App, browser: Browser) -> Iterator[Page]:
+    """One page for all: to draw without a GPU takes long."""
+    context = browser.new_context(viewport={"width": 1000, "height": 640})
+    page = context.new_page()
+    page.goto(app.url)
+    page.get_by_text(re.compile(r"\d / 4")).wait_for(timeout=60_000)
+    yield page
+    context.close()
+
+
+def pictures(page: Page) -> InnerPage:
+    page.wait_for_selector("iframe")
+    (inner,) = [frame for frame in page.frames if frame.url.endswith("/picture")]
+    inner.wait_for_selector("nav button")
+    return inner
+
+
+def shown(page: Page, number: int) -> None:
+    page.get_by_text(f"{number} / 4").wait_for(timeout=30_000)
+
+
+def test_a_frame_is_shown_with_its_points(app: App, opened_page: Page):
+    assert app.view.moment is not None
+    assert set(app.view.stage.shown) == {"stereo", "velodyne"}
+    points = sum(map(len, app.view.moment.clouds.values()))
+    opened_page.get_by_text(f"{points:,} points").wait_for(timeout=5000)
+
+
+def test_it_steps_scrubs_and_plays(app: App, opened_page: Page):
+    app.view.jump(0)
+    shown(opened_page, 1)
+    opened_page.get_by_text(">", exact=True).click()
+    shown(opened_page, 2)
+    opened_page.keyboard.press("j")
+    shown(opened_page, 1)
+    opened_page.get_by_text("Play", exact=True).click()
+    shown(opened_page, 3)
+    app.view.play(playing=False)
+
+
+def test_colours_are_chosen(app: App, opened_page: Page):
+    before = app.view.stage.look("stereo").colouring.by
+    opened_page.get_by_label("Colour").first.click()
+    opened_page.get_by_role("option", name="height").first.click()
+    opened_page.get_by_text("Blue, red, m").first.wait_for(timeout=10_000)
+    assert (before, app.view.stage.look("stereo").colouring.by) == ("photo", "height")
+
+
+def test_a_pixel_tells_its_depth(app: App, opened_page: Page):
+    inner = pictures(opened_page)
+    box = inner.wait_for_selector("#picture").bounding_box()
+    assert box is not None
+    opened_page.mouse.move(box["x"] + box["width"] * 0.5, box["y"] + box["height"] * 0.9)
+    said = inner.get_by_text("depth")
+    said.wait_for(timeout=10_000)
+    found = re.search(
+        r"pixel (\d+), (\d+)\ndisparity .*\ndepth ([\d.]+) ±", inner.inner_text("#said")
+    )
+    assert found is not None
+    assert app.view.moment is not None
+    assert app.view.moment.converted is not None
+    depth = app.view.moment.converted.depth
+    assert depth is not None
+    column, row = int(found[1]), int(found[2])
+    assert float(found[3]) == pytest.approx(float(depth.values[row, column]), abs=0.006)
+
+
+def test_a_box_is_measured_as_the_library_does(app: App, opened_page: Page):
+    app.view.jump(0)
+    shown(opened_page, 1)
+    inner = pictures(opened_page)
+    sides = inner.wait_for_selector("#picture").bounding_box()
+    assert sides is not None
+    x, y, width, height = (sides[key] for key in ("x", "y", "width", "height"))
+    opened_page.mouse.move(x + 0.62 * width, y + 0.55 * height)
+    opened_page.mouse.down()
+    opened_page.mouse.move(x + 0.80 * width, y + 0.80 * height, steps=3)
+    with opened_page.expect_response(re.compile("/picture/measure")) as answered:
+        opened_page.mouse.up()
+    inner.get_by_text("distance").wait_for(timeout=20_000)
+    query = dict(re.findall(r"(left|top|right|bottom)=([\d.]+)", answered.value.url))
+    moment = app.view.moment
+    assert moment is not None
+    assert moment.converted is not None
+    assert app.picture._sighted is not None
+    sight = app.picture._sighted(moment.converted.frame).sight
+    box = tuple(float(query[side]) for side in ("left", "top", "right", "bottom"))
+    (obstacle,) = measured(sight, [Detection("thing", box)])  # type: ignore[arg-type]
+    said = inner.inner_text("#said")
+    assert said.startswith(
+        f"distance {obstacle.distance_m:.2f} ± {obstacle.sigma_distance_m:.2f} m"
+    )
+
+
+def test_pictures_are_of_the_frame(app: App, opened_page: Page):
+    inner = pictures(opened_page)
+    names = inner.locator("nav button").all_inner_texts()
+    assert names == ["left", "right", "disparity", "depth", "sigma", "error", "velodyne"]
+    with opened_page.expect_response(re.compile("kind=disparity")) as answered:
+        inner.get_by_text("disparity", exact=True).click()
+    assert answered.value.ok
+    sizes = {
+        name: size_of(opened_page.request.get(f"{base(app)}picture/view?kind={name}").body())
+        for name in names
+    }
+    assert set(sizes.values()) == {(512, 155)}
+
+
+@pytest.mark.parametrize(
+    "query",
+    ["", "x=1", "x=nan&y=1", "x=1e999&y=2", "x=a&y=b", "x=-5&y=99999"],
+)
+def test_wrong_queries_get_an_answer(app: App, opened_page: Page, query: str):
+    assert opened_page.request.get(f"{base(app)}picture/pixel?{query}").ok
+    assert opened_page.request.get(f"{base(app)}picture/measure?{query}").ok
+    assert opened_page.request.get(f"{base(app)}picture/view?kind=../../etc").status == 404
+
+
+def test_it_is_seen_in_the_browser(opened_page: Page):
+    opened_page.wait_for_timeout(1500)
+    scene = pixels_of(opened_page.screenshot())[100:, :600].reshape(-1, 3)
+    assert len(np.unique(scene // 32, axis=0)) > 30  # many colours: a street, not an empty page
+
+
+def base(app: App) -> str:
+    return app.url.split("?")[0]
+
+
+def pixels_of(picture: bytes) -> np.ndarray:
+    return np.asarray(cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR))
+
+
+def size_of(picture: bytes) -> tuple[int, int]:
+    height, width = pixels_of(picture).shape[:2]
+    return width, height
