@@ -110,7 +110,8 @@ class Picture:
     def plot(cls, figure: Figure, caption: str, *, width: float = 1.0, alt: str = "") -> Picture:
         """From a matplotlib figure, as vectors."""
         buffer = io.BytesIO()
-        figure.savefig(buffer, format="svg", bbox_inches=_cut(figure))
+        cut = _lay_out(figure)
+        figure.savefig(buffer, format="svg", bbox_inches=cut)
         return cls(_uri("image/svg+xml", buffer.getvalue()), caption, width, alt)
 
     @classmethod
@@ -118,13 +119,22 @@ class Picture:
         """From a matplotlib figure that shows a photo or many thousand points, as pixels."""
         buffer = io.BytesIO()
         quality = {"quality": PAINTED_QUALITY, "subsampling": 0}  # points are a few pixels wide
-        figure.savefig(buffer, format="jpeg", bbox_inches=_cut(figure), pil_kwargs=quality)
+        cut = _lay_out(figure)
+        figure.savefig(buffer, format="jpeg", bbox_inches=cut, pil_kwargs=quality)
         return cls(_uri("image/jpeg", buffer.getvalue()), caption, alt=alt)
 
 
-def _cut(figure: Figure) -> Literal["tight"] | None:
-    """Cut white borders off, which costs a second drawing, unless the layout leaves none."""
-    return "tight" if figure.get_layout_engine() is None else None
+def _lay_out(figure: Figure) -> Literal["tight"] | None:
+    """Give the axes their places; what is then to be cut off: nothing where a layout did that.
+
+    `savefig` would draw everything once more, to nowhere, for a figure that still has a layout.
+    """
+    layout = figure.get_layout_engine()
+    if layout is None:
+        return "tight"
+    layout.execute(figure)
+    figure.set_layout_engine(None)
+    return None
 
 
 @dataclass(frozen=True)
