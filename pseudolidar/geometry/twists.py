@@ -93,3 +93,15 @@ def inverted(T: Float64) -> Float64:
     inverse = np.eye(4)
     inverse[:3, :3], inverse[:3, 3] = R.T, -R.T @ t
     return inverse
+
+
+def rigid(T: Float64) -> Float64:
+    """(4, 4) the nearest rigid motion of one that rounding has bent.
+
+    Source: Horn, Hilden and Negahdaripour, Closed-form solution of absolute orientation using
+        orthonormal matrices, JOSA A 1988: the nearest rotation by singular values.
+    """
+    left, _, right = np.linalg.svd(T[:3, :3])
+    nearest = np.eye(4)
+    nearest[:3, :3], nearest[:3, 3] = left @ right, T[:3, 3]
+    return nearest

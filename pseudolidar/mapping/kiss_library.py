@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 
 from pseudolidar.errors import MissingDependency
+from pseudolidar.geometry.twists import rigid
 from pseudolidar.structures.arrays import Float64
 
 # As KISS-ICP has them (Vizzo et al., RA-L 2023, and its configuration).
 POINTS_PER_VOXEL = 20
 MOST_ITERATIONS, CONVERGED = 500, 1e-4
 LEAST_MOTION_M = 0.1
+# Points are matched within so many thresholds.
+REACH = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,23 +33,23 @@ class Kiss:
     farthest_m: float
     threshold_m: float
 
-    def voxel_map(self) -> Any:
-        """An empty map of points, forgotten where they are far from the sensor."""
+    def voxel_map(self) -> VoxelMap:
+        """An empty map."""
         from kiss_icp.mapping import VoxelHashMap
 
-        return VoxelHashMap(self.voxel_m, self.farthest_m, POINTS_PER_VOXEL)
+        return VoxelMap(VoxelHashMap(self.voxel_m, self.farthest_m, POINTS_PER_VOXEL))
 
-    def threshold(self) -> Any:
+    def threshold(self) -> Threshold:
         """The adaptive threshold."""
         from kiss_icp.threshold import get_threshold_estimator
 
-        return get_threshold_estimator(self._config())
+        return Threshold(get_threshold_estimator(self._config()))
 
-    def registration(self) -> Any:
+    def registration(self) -> PointToPoint:
         """Point to point ICP, on one thread: the same result every time."""
         from kiss_icp.registration import Registration
 
-        return Registration(MOST_ITERATIONS, CONVERGED, max_num_threads=1)
+        return PointToPoint(Registration(MOST_ITERATIONS, CONVERGED, max_num_threads=1))
 
     def _config(self) -> Any:
         from kiss_icp.config import KISSConfig
@@ -57,6 +60,71 @@ class Kiss:
         config.adaptive_threshold.min_motion_th = LEAST_MOTION_M
         config.adaptive_threshold.fixed_threshold = None
         return config
+
+
+# The parts have the names of KISS-ICP's own. Poses that are rigid to no better than 1e-10 make its
+# library end the whole process (Sophus aborts), and by rounding products of poses become so: each
+# is made rigid on its way in.
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelMap:
+    """A map of points, forgotten where they are far from the sensor.
+
+    Args:
+        library: KISS-ICP's.
+    """
+
+    library: Any
+
+    def empty(self) -> bool:
+        """Whether nothing was added, or all of it is far away."""
+        return bool(self.library.empty())
+
+    def update(self, xyz: Float64, T_map_sensor: Float64) -> None:
+        """Add points (N, 3) of the sensor."""
+        self.library.update(np.ascontiguousarray(xyz), rigid(T_map_sensor))
+
+    def point_cloud(self) -> Float64:
+        """(M, 3) all of it."""
+        return np.asarray(self.library.point_cloud()).reshape(-1, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class Threshold:
+    """How far predictions are off, learnt from those that were made.
+
+    Args:
+        library: KISS-ICP's.
+    """
+
+    library: Any
+
+    def get_threshold(self) -> float:
+        """One standard deviation, m."""
+        return float(self.library.get_threshold())
+
+    def update_model_deviation(self, T_predicted_found: Float64) -> None:
+        """A prediction was off by this."""
+        self.library.update_model_deviation(rigid(T_predicted_found))
+
+
+@dataclass(frozen=True, eq=False)
+class PointToPoint:
+    """ICP of points on a map.
+
+    Args:
+        library: KISS-ICP's.
+    """
+
+    library: Any
+
+    def align(self, xyz: Float64, voxels: VoxelMap, T_guess: Float64, sigma_m: float) -> Float64:
+        """(4, 4) pose of points (N, 3) in the map, near a guess that is off by `sigma_m`."""
+        T = self.library.align_points_to_map(
+            xyz, voxels.library, rigid(T_guess), REACH * sigma_m, sigma_m
+        )
+        return rigid(np.asarray(T, np.float64))
 
 
 def thinned(xyz: Float64, voxel_m: float) -> Float64:

@@ -18,8 +18,6 @@ from pseudolidar.structures.motion import BodyMotion
 
 # KISS-ICP's map and ICP take one point of voxels of these sides, in voxels of the map.
 MAP_VOXELS, ICP_VOXELS = 0.5, 1.5
-# Points are matched within so many thresholds.
-REACH = 3.0
 # No turn of a LiDAR takes longer, s.
 LONGEST_TURN_S = 1.0
 # What a scan's points are off the surfaces of the map, one standard deviation, m; and how much
@@ -109,9 +107,7 @@ class ScanMap:
     def align(self, scan: ReadyScan, T_guess: Float64) -> ScanAlignment:
         """The pose of a scan, near a guess."""
         coarse = thinned(self._thinned(scan), self._voxel_m * ICP_VOXELS)
-        sigma = float(self._threshold.get_threshold())
-        T = self._registration.align_points_to_map(coarse, self._map, T_guess, REACH * sigma, sigma)
-        T = np.asarray(T, np.float64)
+        T = self._registration.align(coarse, self._map, T_guess, self._threshold.get_threshold())
         return ScanAlignment(T, *self._lying(coarse, T))
 
     def add(self, scan: ReadyScan, T_odom_sensor: Float64, T_guess: Float64 | None = None) -> None:
@@ -126,8 +122,7 @@ class ScanMap:
     def _lying(self, xyz: Float64, T: Float64) -> tuple[float, Float64]:
         """Share of points on the map's surfaces, and what they know of the pose."""
         at = np.einsum("ij,nj->ni", T[:3, :3], xyz) + T[:3, 3]
-        points = np.asarray(self._map.point_cloud()).reshape(-1, 3)
-        surfaces = Surfaces(points)
+        surfaces = Surfaces(self._map.point_cloud())
         index, found = surfaces.nearest(at, 0.5 * self._voxel_m)
         normals = surfaces.normals(index[found])
         flat = np.isfinite(normals).all(axis=1)
