@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Literal
 
 import cv2
@@ -84,15 +85,23 @@ def _turned(R: np.ndarray) -> np.ndarray:
 
 def _light(scene: Scene, camera: Camera, T_world_camera: np.ndarray) -> np.ndarray:
     """(H, W, 3) linear light, four rays a pixel; black where the lens shows nothing."""
-    lens = Lens.of(camera)
     width, height = camera.size_px
-    v, u = np.indices((height, width), np.float64)
     light = np.zeros((height * width, 3), np.float32)
-    for du, dv in EDGE_SAMPLES_PX:
-        directions = lens.directions(np.stack([u + du, v + dv], -1)).reshape(-1, 3)
+    for directions in _rays(camera):
         seen = np.isfinite(directions[:, 0])
         light[seen] += _shaded(scene, T_world_camera, directions[seen], 0.7 / camera.focal_px)[1]
     return (light / len(EDGE_SAMPLES_PX)).reshape(height, width, 3)
+
+
+@lru_cache(maxsize=2)  # of both eyes: their pictures are taken again and again
+def _rays(camera: Camera) -> list[np.ndarray]:
+    """(H * W, 3) directions of the rays of every pixel, for each of its rays."""
+    lens = Lens.of(camera)
+    width, height = camera.size_px
+    v, u = np.indices((height, width), np.float64)
+    return [
+        lens.directions(np.stack([u + du, v + dv], -1)).reshape(-1, 3) for du, dv in EDGE_SAMPLES_PX
+    ]
 
 
 def _shaded(

@@ -24,9 +24,10 @@ PINHOLE_LIMIT_RAD = np.deg2rad(88.0)
 FISHEYE_LIMIT_RAD = np.pi
 # Steps of that search: 0.02 degrees.
 LIMIT_STEPS = 4400
-# Newton's steps from pixel to direction, and the residual that counts as arrived, in units of the
-# focal length: a thousandth of a pixel at 1000 px.
+# Newton's steps from pixel to direction, the step after which a pixel is done, and the residual
+# that counts as arrived, in units of the focal length: a thousandth of a pixel at 1000 px.
 NEWTON_STEPS = 12
+STANDS = 1e-13
 ARRIVED = 1e-6
 DIFFERENCE = 1e-6
 
@@ -146,25 +147,11 @@ class Lens:
         """Angle off the axis and around it of what is bent to `wanted`, by Newton's steps."""
         r = np.tan(angle)
         xy = np.stack([r * np.cos(azimuth), r * np.sin(azimuth)], axis=-1)
-        step = np.eye(2) * DIFFERENCE
+        moving = np.isfinite(xy).all(axis=-1)
         for _ in range(NEWTON_STEPS):
-            miss = _pinhole_plane(xy, self.coefficients) - wanted
-            J = np.stack(
-                [
-                    (
-                        _pinhole_plane(xy + step[axis], self.coefficients)
-                        - _pinhole_plane(xy - step[axis], self.coefficients)
-                    )
-                    / (2 * DIFFERENCE)
-                    for axis in range(2)
-                ],
-                axis=-1,
-            )
-            determinant = J[..., 0, 0] * J[..., 1, 1] - J[..., 0, 1] * J[..., 1, 0]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                dx = (J[..., 1, 1] * miss[..., 0] - J[..., 0, 1] * miss[..., 1]) / determinant
-                dy = (J[..., 0, 0] * miss[..., 1] - J[..., 1, 0] * miss[..., 0]) / determinant
-            xy = xy - np.stack([dx, dy], axis=-1)
+            step = _newton_step(xy[moving], wanted[moving], self.coefficients)
+            xy[moving] -= step
+            moving[moving] = np.abs(step).max(axis=-1) > STANDS
         with np.errstate(invalid="ignore"):
             left = np.abs(_pinhole_plane(xy, self.coefficients) - wanted).max(axis=-1)
             xy[~(left < ARRIVED)] = np.nan
@@ -221,6 +208,19 @@ def _pinhole_plane(xy: Float64, k: Float64) -> Float64:
     bent[..., 0] += r2 * (k[8] + r2 * k[9])
     bent[..., 1] += r2 * (k[10] + r2 * k[11])
     return _tilted(bent, k[12], k[13]) if k[12:].any() else bent
+
+
+def _newton_step(xy: Float64, wanted: Float64, k: Float64) -> Float64:
+    """(N, 2) what to take off points of the plane that shall be bent to `wanted`."""
+    miss = _pinhole_plane(xy, k) - wanted
+    step = np.eye(2) * DIFFERENCE
+    ahead, behind = ([_pinhole_plane(xy + way * each, k) for each in step] for way in (1, -1))
+    J = (np.stack(ahead, axis=-1) - np.stack(behind, axis=-1)) / (2 * DIFFERENCE)
+    determinant = J[..., 0, 0] * J[..., 1, 1] - J[..., 0, 1] * J[..., 1, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        dx = (J[..., 1, 1] * miss[..., 0] - J[..., 0, 1] * miss[..., 1]) / determinant
+        dy = (J[..., 0, 0] * miss[..., 1] - J[..., 1, 0] * miss[..., 0]) / determinant
+    return np.stack([dx, dy], axis=-1)
 
 
 def _tilted(bent: Float64, tau_x: float, tau_y: float) -> Float64:
