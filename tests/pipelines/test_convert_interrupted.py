@@ -140,16 +140,23 @@ def test_a_full_disk_leaves_no_partial_file_and_is_continued(drive, tmp_path, re
     }
 
 
-def complete(drive, tmp_path):
-    out = tmp_path / "out"
+@pytest.fixture(scope="module")
+def whole(drive, tmp_path_factory):
+    """The folder of a complete run; not to be changed."""
+    out = tmp_path_factory.mktemp("whole") / "out"
     run(job(drive, out))
     return out
 
 
+@pytest.fixture
+def out(whole, tmp_path):
+    """The same, for a test that damages it."""
+    return shutil.copytree(whole, tmp_path / "out")
+
+
 @pytest.mark.parametrize("victim", ["pcd/000003.pcd", "bin/000000.bin", "tiny.mcap"])
 @pytest.mark.parametrize("damage", ["missing", "cut", "changed"])
-def test_damaged_files_are_found_and_made_again(drive, tmp_path, reference, victim, damage):
-    out = complete(drive, tmp_path)
+def test_damaged_files_are_found_and_made_again(drive, out, reference, victim, damage):
     path = out / victim
     data = bytearray(path.read_bytes())
     if damage == "missing":
@@ -165,8 +172,7 @@ def test_damaged_files_are_found_and_made_again(drive, tmp_path, reference, vict
     assert tree(out) == reference
 
 
-def test_a_complete_run_does_nothing_and_says_so(drive, tmp_path, reference):
-    out = complete(drive, tmp_path)
+def test_a_complete_run_does_nothing_and_says_so(drive, out, reference):
     report = run(job(drive, out))
     assert report.exit_code == 0
     assert report.result.passed_now == 0
@@ -174,16 +180,14 @@ def test_a_complete_run_does_nothing_and_says_so(drive, tmp_path, reference):
     assert tree(out) == reference
 
 
-def test_a_torn_journal_is_continued(drive, tmp_path, reference):
-    out = complete(drive, tmp_path)
+def test_a_torn_journal_is_continued(drive, out, reference):
     path = out / JOURNAL_NAME
     path.write_bytes(path.read_bytes()[:-30])
     assert run(job(drive, out)).result.passed_now == 1
     assert tree(out) == reference
 
 
-def test_other_settings_are_refused_unless_overwritten(drive, tmp_path):
-    out = complete(drive, tmp_path)
+def test_other_settings_are_refused_unless_overwritten(drive, out):
     before = tree(out)
     with pytest.raises(OutputSettings, match=r"min_depth = null, this one has 2\.0"):
         run(job(drive, out, min_depth=2.0))
@@ -214,13 +218,11 @@ def test_another_calibration_is_refused(own_drive, tmp_path):
         run(job(own_drive, out, to="pcd"))
 
 
-def test_workers_and_the_like_may_differ(drive, tmp_path):
-    out = complete(drive, tmp_path)
+def test_workers_and_the_like_may_differ(drive, out):
     assert run(job(drive, out, workers=1, on_error="stop")).result.passed_now == 0
 
 
-def test_it_does_not_matter_where_the_command_is_called_from(drive, tmp_path, monkeypatch):
-    out = complete(drive, tmp_path)
+def test_it_does_not_matter_where_the_command_is_called_from(drive, out, monkeypatch):
     monkeypatch.chdir(drive.parent)
     assert run(job(drive.name, out)).result.passed_now == 0
 
@@ -256,9 +258,7 @@ def test_such_a_folder_is_refused_before_anything_heavy_is_loaded(drive):
     assert "OutputError: /proc/pseudolidar/out" in ended.stderr
 
 
-def test_leftovers_and_strangers(drive, tmp_path, reference):
-    shutil.copytree(complete(drive, tmp_path), tmp_path / "again")
-    out = tmp_path / "again"
+def test_leftovers_and_strangers(drive, out, reference):
     (out / "pcd" / "000001.pcd.0123abcd.tmp").write_bytes(b"half")
     (out / "pcd" / "mine.tmp").write_bytes(b"mine")
     run(job(drive, out))
