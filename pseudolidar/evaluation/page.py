@@ -110,8 +110,8 @@ class Picture:
     def plot(cls, figure: Figure, caption: str, *, width: float = 1.0, alt: str = "") -> Picture:
         """From a matplotlib figure, as vectors."""
         buffer = io.BytesIO()
-        cut = _lay_out(figure)
-        figure.savefig(buffer, format="svg", bbox_inches=cut)
+        _lay_out(figure)
+        figure.savefig(buffer, format="svg")
         return cls(_uri("image/svg+xml", buffer.getvalue()), caption, width, alt)
 
     @classmethod
@@ -119,22 +119,20 @@ class Picture:
         """From a matplotlib figure that shows a photo or many thousand points, as pixels."""
         buffer = io.BytesIO()
         quality = {"quality": PAINTED_QUALITY, "subsampling": 0}  # points are a few pixels wide
-        cut = _lay_out(figure)
-        figure.savefig(buffer, format="jpeg", bbox_inches=cut, pil_kwargs=quality)
+        _lay_out(figure)
+        figure.savefig(buffer, format="jpeg", pil_kwargs=quality)
         return cls(_uri("image/jpeg", buffer.getvalue()), caption, alt=alt)
 
 
-def _lay_out(figure: Figure) -> Literal["tight"] | None:
-    """Give the axes their places; what is then to be cut off: nothing where a layout did that.
+def _lay_out(figure: Figure) -> None:
+    """Give the axes their places, if a layout does that.
 
     `savefig` would draw everything once more, to nowhere, for a figure that still has a layout.
     """
     layout = figure.get_layout_engine()
-    if layout is None:
-        return "tight"
-    layout.execute(figure)
-    figure.set_layout_engine(None)
-    return None
+    if layout is not None:
+        layout.execute(figure)
+        figure.set_layout_engine(None)
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,8 @@ REPORT_NAME = "report.html"
 # The colour scale of disparity ends where all but this share of the sampled pixels lie below.
 DISPARITY_QUANTILE = 0.995
 TOP_SCALE = 3
+# Edges of the axes, shares of a plot: fixed, since to search them costs as much as to draw it.
+MARGINS = {"left": 0.1, "right": 0.99, "bottom": 0.17, "top": 0.9}
 _TOP_TEXT = (
     "Points from above, as far ahead as said below each, half of that to each side, the sensor at "
     "the middle of the lower edge."
@@ -136,7 +138,7 @@ def _axes(title: str, x: str, y: str) -> tuple[Figure, Any]:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.6, 3.0))
-    axes = figure.subplots()
+    axes = figure.subplots(gridspec_kw=MARGINS)
     axes.set(title=title, xlabel=x, ylabel=y)
     axes.grid(visible=True, alpha=0.3)
     axes.spines[["top", "right"]].set_visible(False)
