@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import sys
 from typing import NoReturn, TextIO
@@ -26,6 +27,11 @@ from pseudolidar.errors import ALL_DONE, Interrupted, UsageError
 from pseudolidar.running.crew.given_up import still_working
 from pseudolidar.running.kernel_cache import prepare_kernel_cache
 from pseudolidar.running.signals import Stopped, StopSignals
+
+# New objects after which the collector of garbage looks for cycles, and the rounds of the older
+# generations. Loading a verb makes some hundred thousand objects that stay; by Python's own
+# numbers a tenth of a short run goes into looking through them in vain.
+GARBAGE_THRESHOLDS = (50_000, 20, 50)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -83,6 +89,7 @@ def program() -> NoReturn:
     A frame that was given up still runs in a thread. The end of the interpreter would meet it
     inside a library, which aborts the process and loses its status, so that is left out.
     """
+    gc.set_threshold(*GARBAGE_THRESHOLDS)
     code = main()
     if still_working():
         for stream in (sys.stdout, sys.stderr):

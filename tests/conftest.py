@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import Path
 
@@ -27,6 +28,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return LONG_FIRST.index(part) if part in LONG_FIRST else len(LONG_FIRST)
 
     items.sort(key=turn)
+
+
+def pytest_collection_finish() -> None:
+    """Leave out of all searches for garbage what is here to stay: modules, thousands of tests."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -144,7 +144,7 @@ def test_pictures_that_cannot_be_used_are_told_with_the_reason(pictures, tmp_pat
 @pytest.mark.parametrize(
     ("more", "code", "words"),
     [
-        (["--board", "chessboard:8x5", "--frames", "0:5"], 3, "BoardNotFound"),
+        (["--board", "chessboard:8x5", "--frames", "0:1"], 3, "BoardNotFound"),
         (["--board", "chessboard"], 2, "--board"),
         (["--square", "30"], 2, "metres"),
         (["--square", "-1"], 2, "metres"),
