@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -81,10 +82,14 @@ class Doubt:
 
     def after(self, hung: Hung) -> Doubt:
         """Of a frame that hangs at the pose."""
-        carried = adjoint(inverted(hung.T_key_frame))
+        return self.after_step(hung.T_key_frame, hung.covariance, hung.by_offset)
+
+    def after_step(self, T_from_to: Float64, covariance: Float64, by_offset: Float64) -> Doubt:
+        """Of the pose after a step (4, 4) whose own doubt is (6, 6) and (6,) per px."""
+        carried = adjoint(inverted(T_from_to))
         return Doubt(
-            carried @ self.covariance @ carried.T + hung.covariance,
-            carried @ self.by_offset + hung.by_offset,
+            carried @ self.covariance @ carried.T + covariance,
+            carried @ self.by_offset + by_offset,
         )
 
     def total(self, offset: Offset) -> Float64:
@@ -118,9 +123,23 @@ class Path:
 
     def trajectory(self, offset: Offset) -> Trajectory:
         """All poses `T_odom_camera`, as they would have been found with this offset."""
-        keys = [np.eye(4)]
+        keys, doubts = [np.eye(4)], [Doubt.none()]
         for hung in self._keys[1:]:
             keys.append(keys[-1] @ hung.with_offset(offset))
+            doubts.append(doubts[-1].after(hung))
         poses = [keys[key] @ hung.with_offset(offset) for _, key, hung in self._frames]
-        times = np.array([timestamp_ns for timestamp_ns, _, _ in self._frames], np.int64)
-        return Trajectory(times, np.stack(poses) if poses else np.zeros((0, 4, 4)))
+        covariances = [doubts[key].after(hung).total(offset) for _, key, hung in self._frames]
+        return stacked([time_ns for time_ns, _, _ in self._frames], poses, covariances)
+
+
+def stacked(
+    timestamps_ns: Sequence[int],
+    poses: Sequence[Float64],
+    covariances: Sequence[Float64],
+) -> Trajectory:
+    """Poses (4, 4) and covariances (6, 6) of a piece of path, as many as there are."""
+    return Trajectory(
+        np.asarray(timestamps_ns, np.int64),
+        np.array(poses, np.float64).reshape(-1, 4, 4),
+        np.array(covariances, np.float64).reshape(-1, 6, 6),
+    )

@@ -97,7 +97,7 @@ class VisualChain:
         """Poses `T_odom_camera` of all frames that were not lost, one trajectory for each piece.
 
         Early ones are put right with what is known of the offset by now: better than what
-        `register` could tell at their time.
+        `register` could tell at their time. With their covariances.
         """
         return tuple(piece.path.trajectory(self.offset) for piece in self._pieces)
 
@@ -253,7 +253,8 @@ class VisualChain:
         T_last_now = inverted(last.T_odom_camera) @ T_odom
         carried = adjoint(inverted(T_last_now))
         doubt = carried @ last.hung.covariance @ carried.T + hung.covariance
-        return CameraStep(T_last_now, doubt, frames=self._lost + 1)
+        by_offset = hung.by_offset - carried @ last.hung.by_offset
+        return CameraStep(T_last_now, doubt, frames=self._lost + 1, by_offset=by_offset)
 
     def _is_next_key(self, gap: int, agree: int) -> bool:
         """Whether the newest keyframe, so many frames back, has done its work."""

@@ -27,15 +27,19 @@ class CameraStep:
         covariance: (6, 6) float64 of a twist on its right, `T_from_to exp(xi)`: `xi` is the error
             as the later camera sees it, translation x, y, z in metres, then rotation vector, rad.
         frames: how many frames it spans; more than 1 across frames that were lost.
+        by_offset: (6,) float64 per px: twist on its right that a larger offset of the rig's
+            disparities makes. All steps share that offset, and the covariance is without it.
     """
 
     T_from_to: Float64
     covariance: Float64
     frames: int = 1
+    by_offset: Float64 = field(default_factory=lambda: np.zeros(6))
 
     def __post_init__(self) -> None:
         check_array("CameraStep", "T_from_to", self.T_from_to, (4, 4), np.float64)
         check_array("CameraStep", "covariance", self.covariance, (6, 6), np.float64)
+        check_array("CameraStep", "by_offset", self.by_offset, (6,), np.float64)
         if not self.frames >= 1:
             raise StructureError(f"{self.frames} frames", want="1 or more", where="CameraStep")
 

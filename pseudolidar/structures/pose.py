@@ -100,15 +100,20 @@ class Trajectory:
     Args:
         timestamps_ns: (N,) int64, strictly increasing.
         T_world_body: (N, 4, 4) float64, metres.
+        covariance: (N, 6, 6) float64 of twists on the right of the poses, as `OdometryState` has
+            it; None where nobody knows.
     """
 
     timestamps_ns: Int64
     T_world_body: Float64
+    covariance: Float64 | None = None
 
     def __post_init__(self) -> None:
         check_array("Trajectory", "timestamps_ns", self.timestamps_ns, (None,), np.int64)
         n = len(self.timestamps_ns)
         check_array("Trajectory", "T_world_body", self.T_world_body, (n, 4, 4), np.float64)
+        if self.covariance is not None:
+            check_array("Trajectory", "covariance", self.covariance, (n, 6, 6), np.float64)
         if np.any(np.diff(self.timestamps_ns) <= 0):
             raise StructureError(
                 "time stamps that do not increase", where="Trajectory.timestamps_ns"

@@ -17,7 +17,8 @@ import numpy as np
 
 from pseudolidar.geometry.frames import left_in_base_link
 from pseudolidar.geometry.twists import exp_twist, inverted
-from pseudolidar.mapping.odometry import FusedChain
+from pseudolidar.mapping.disparity_offset import Offset
+from pseudolidar.mapping.fused_chain import FusedChain
 from pseudolidar.mapping.visual_odometry import VisualOdometry
 from pseudolidar.sources.kitti.odometry import KittiOdometry
 from pseudolidar.sources.kitti.raw import KittiRaw
@@ -45,7 +46,7 @@ FAULTS = {
 class Faulty:
     """Tells what vision told before, every eighth step of it made wrong."""
 
-    correction = None
+    correction, offset = None, Offset()
 
     def __init__(self, states, fault):
         self.states = iter(enumerate(states))

@@ -9,7 +9,9 @@ from pseudolidar.errors import ScanMissing
 from pseudolidar.geometry.frames import left_in_base_link
 from pseudolidar.geometry.twists import exp_twist, inverted, log_twist
 from pseudolidar.mapping.alignment import Prior, align
-from pseudolidar.mapping.odometry import Fused, FusedChain, Kiss, Vision
+from pseudolidar.mapping.disparity_offset import Offset
+from pseudolidar.mapping.fused_chain import FusedChain
+from pseudolidar.mapping.odometry import Fused, Kiss, Vision
 from pseudolidar.mapping.patches import find_patches
 from pseudolidar.mapping.surface_map import Surfaces
 from pseudolidar.sources.synthetic import Synthetic
@@ -39,7 +41,7 @@ def street():
 class Told:
     """Tells true steps, the last one made wrong."""
 
-    correction = None
+    correction, offset = None, Offset()
 
     def __init__(self, truth, fault):
         self.truth, self.fault, self.number = truth, fault, -1

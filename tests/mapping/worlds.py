@@ -13,6 +13,7 @@ from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.odometry import OdometryState
+from pseudolidar.structures.pose import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +65,11 @@ class Drive:
         """As `step_nees`, of a pose."""
         error = log_twist(state.T_odom_camera.inverse().matrix @ self.T_odom[at])
         return float(error @ np.linalg.inv(state.covariance) @ error / 6)
+
+    def path_nees(self, path: Trajectory) -> float:
+        """As `pose_nees`, of the last pose of a path of all frames."""
+        error = log_twist(inverted(path.T_world_body[-1]) @ self.T_odom[-1])
+        return float(error @ np.linalg.inv(path.covariance[-1]) @ error / 6)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,63 @@
+"""What every kind of odometry tells of a frame, and of the whole path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from pseudolidar.mapping.alignment import Alignment
+from pseudolidar.mapping.integrity import StepCheck
+from pseudolidar.structures.box import Detection
+from pseudolidar.structures.correction import DisparityCorrection
+from pseudolidar.structures.disparity import DisparityMap
+from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.odometry import OdometryState
+from pseudolidar.structures.pose import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Registered:
+    """What odometry tells of a frame.
+
+    Args:
+        state: as vision tells it, of the pose that is right in the end.
+        check: what other witnesses said of vision's step; None where there was none.
+        alignment: how the frame lies on the map; None without a map.
+    """
+
+    state: OdometryState
+    check: StepCheck | None = None
+    alignment: Alignment | None = None
+
+
+class OdometryChain(Protocol):
+    """Follows a rig through its frames."""
+
+    @property
+    def correction(self) -> DisparityCorrection | None:
+        """What should be taken off disparities by now: for the rig, and for every cloud."""
+        ...
+
+    def register(
+        self, frame: StereoFrame, disparity: DisparityMap, movable: Sequence[Detection] = ()
+    ) -> Registered:
+        """Where the next frame was taken.
+
+        Args:
+            frame: of the same rig as all, later than the one before.
+            disparity: of its left image, as matched: no correction taken off.
+            movable: things in its left image that may move by themselves.
+
+        Raises:
+            SequenceTime: the frame is not later than the one before.
+        """
+        ...
+
+    def trajectories(self) -> tuple[Trajectory, ...]:
+        """Poses of the left camera in `odom` at all frames that were not lost, with covariances.
+
+        One trajectory for each piece of path, in order; early poses are put right with what is
+        known by now, so they are better than what `register` could tell at their time.
+        """
+        ...
