@@ -89,9 +89,14 @@ def test_vision_and_fused_tell_the_same_of_a_street(street):
     for frame in frames:
         ends = [chain.register(frame, frame.truth).state for chain in (vision, fused)]
     way_m = np.linalg.norm(truth[-1][:3, 3])
-    for end in ends:
-        error_m = np.linalg.norm(end.T_odom_camera.matrix[:3, 3] - truth[-1][:3, 3])
-        assert error_m < 0.005 * way_m
+    paths = [path for chain in (vision, fused) for path in chain.trajectories()]
+    assert [len(path) for path in paths] == [FRAMES, FRAMES]
+    poses = [end.T_odom_camera.matrix for end in ends] + [path.T_world_body[-1] for path in paths]
+    for T in poses:
+        assert np.linalg.norm(T[:3, 3] - truth[-1][:3, 3]) < 0.005 * way_m
+    for path in paths:
+        assert not path.covariance[0].any()
+        assert np.linalg.eigvalsh(path.covariance[-1])[0] > 0
 
 
 def test_kiss_alone_wants_scans_and_follows_the_camera_by_them(street):
@@ -101,6 +106,9 @@ def test_kiss_alone_wants_scans_and_follows_the_camera_by_them(street):
     assert states[-1].T_odom_camera.src == frames[0].rig.left.frame
     # Two steps, the first one found from a guess of rest in a map of one scan.
     assert np.linalg.norm(states[-1].T_odom_camera.matrix[:3, 3] - truth[2][:3, 3]) < 0.2
+    (path,) = chain.trajectories()
+    assert np.array_equal(path.T_world_body[-1], states[-1].T_odom_camera.matrix)
+    assert np.array_equal(path.covariance[-1], states[-1].covariance)
     with pytest.raises(ScanMissing, match="--odometry fused"):
         chain.register(replace(frames[3], scan=None), frames[3].truth)
 

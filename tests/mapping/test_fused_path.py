@@ -1,0 +1,55 @@
+"""Paths of fused odometry, put right when more is known of vision's steps."""
+
+import numpy as np
+import pytest
+
+from pseudolidar.geometry.twists import exp_twist, inverted
+from pseudolidar.mapping.disparity_offset import Offset
+from pseudolidar.mapping.fused_path import FusedPath, FusedStep
+from pseudolidar.structures.pose import Trajectory
+
+STEP = exp_twist(np.array([0.02, 0.0, 1.0, 0.0, 0.03, 0.0]))
+STRETCHED = exp_twist(np.array([0.02, 0.0, 1.01, 0.0, 0.03, 0.0]))
+BY_OFFSET = np.array([0.0, 0.0, 0.02, 0.0, 0.0, 0.0])
+COVARIANCE = np.diag([1e-4] * 3 + [1e-8] * 3)
+
+
+def chained(steps):
+    poses = [np.eye(4)]
+    for step in steps:
+        poses.append(poses[-1] @ step)
+    return np.stack(poses)
+
+
+def path(gains):
+    one = FusedPath(10)
+    for at, gain in enumerate(gains):
+        part = gain * np.eye(6)
+        one.add(11 + at, FusedStep(STEP, STEP, part, COVARIANCE, part @ BY_OFFSET))
+    return one
+
+
+@pytest.mark.parametrize(("gain", "longer_m"), [(1.0, 0.01), (0.0, 0.0), (0.5, 0.005)])
+def test_steps_follow_vision_by_their_gain(gain, longer_m):
+    vision = Trajectory(np.arange(10, 13), chained([STRETCHED] * 2))
+    settled = path([gain, gain]).settled(vision, Offset(0.3, 0.1))
+    assert settled.timestamps_ns.tolist() == [10, 11, 12]
+    for before, after in zip(settled.T_world_body[:-1], settled.T_world_body[1:], strict=True):
+        longer = (inverted(before) @ after)[2, 3] - STEP[2, 3]
+        assert longer == pytest.approx(longer_m, abs=1e-4)
+
+
+def test_nothing_moves_where_vision_says_what_it_said():
+    one = path([1.0, 0.4, 0.0])
+    settled = one.settled(Trajectory(np.arange(10, 14), chained([STEP] * 3)), Offset())
+    assert np.allclose(settled.T_world_body[-1], one.T_odom_camera)
+    assert np.allclose(settled.covariance[-1], one.doubt.total(Offset()))
+
+
+def test_the_offset_is_one_error_of_all_steps():
+    still = Trajectory(np.arange(10, 15), chained([STEP] * 4))
+    known, unknown = (
+        path([1.0] * 4).settled(still, Offset(0.0, sigma)).covariance[-1] for sigma in (0.0, 1.0)
+    )
+    # four steps of 0.02 m/px are 0.08 m, not twice 0.02 m
+    assert np.sqrt(unknown[2, 2] - known[2, 2]) == pytest.approx(0.08, rel=0.02)
