@@ -183,14 +183,20 @@ class Run:
         """
         return self._hopeless | (self._journal.committed & frozenset(held))
 
-    def good(self, outcomes: Iterable[Done[Result] | Skipped]) -> Iterator[Done[Result]]:
+    def good(
+        self, outcomes: Iterable[Done[Result] | Skipped], *, again: int = 0
+    ) -> Iterator[Done[Result]]:
         """The frames of `stream` that passed; the others are noted, as long as they are few.
+
+        Args:
+            outcomes: of `stream`.
+            again: how many of the committed frames are among them, to be gone through once more.
 
         Raises:
             TooManyBadFrames: and what else `good_frames` raises.
         """
         total = len(self.source.ids)
-        with FrameProgress(total, done=len(self._journal.committed)) as progress:
+        with FrameProgress(total, done=len(self._journal.committed) - again) as progress:
             yield from self._good(outcomes, total, progress)
 
     def good_live(

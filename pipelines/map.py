@@ -1,0 +1,220 @@
+"""Where the cameras were, and what the world looks like."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated
+
+from pseudolidar.clouds.ground_fit import GroundFit
+from pseudolidar.formats.rigs.rig_json import write_rig
+from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.mapping.odometry import Fused, Kiss, Vision
+from pseudolidar.obstacles.detectors import AnyDetector
+from pseudolidar.running.apart import check_apart, paths_read
+from pseudolidar.running.bad_frames import OnError
+from pseudolidar.running.crew.attempt import Done
+from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
+from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
+from pseudolidar.running.folder import check_usable
+from pseudolidar.running.mapped.stored import WORK_FOLDER, MatchOnce
+from pseudolidar.running.mapped.trajectory_files import KITTI_NAME, TUM_NAME, write_trajectories
+from pseudolidar.running.mapped.walk import Walk
+from pseudolidar.running.matching import MatchFrame, Refining
+from pseudolidar.running.nearness import Searching
+from pseudolidar.running.networks import networks_of
+from pseudolidar.running.reports.map_page import write_map_page
+from pseudolidar.running.reports.map_report import MapReport, errors_of
+from pseudolidar.running.run import Run
+from pseudolidar.running.settings_schema import described
+from pseudolidar.running.sighting import SightFrame
+from pseudolidar.running.stream import stream
+from pseudolidar.sources.other_rig import opened_with_rig
+from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.rectified import Rectify
+from pseudolidar.sources.selection import FrameSelection, select
+from pseudolidar.sources.source import FrameSource, pairs_of, tell
+from pseudolidar.stereo.balance import BalanceWhen
+from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.eyes import Eyes
+from pseudolidar.stereo.filters.clean import Clean
+from pseudolidar.stereo.neural import Onnx
+from pseudolidar.stereo.row_alignment import RowsWhen
+from pseudolidar.stereo.sgbm import Bm, Sgbm
+
+RIG_NAME = "rig.json"
+
+
+@dataclass(frozen=True)
+class Map:
+    """Chain the pairs of SOURCE into a path, and write it to OUT.
+
+    Stereo visual odometry finds how the cameras moved; KISS-ICP's map and the pictures check every
+    step. Frames in which too little is seen are lost, and said to be: nothing is made up. Where the
+    source knows its poses (KITTI, synthetic:street), the path is compared with them. Killed and
+    started again, a run does not match again what it has matched.
+
+        pseudolidar map synthetic:street:40 out/street
+        pseudolidar map KITTI/2011_09_26/2011_09_26_drive_0002_sync out/drive
+        pseudolidar map KITTI_odometry out/06 --sequence 06 --json
+        pseudolidar map drive.mcap out/drive --odometry vision --detector onnx:yolox_nano.onnx
+
+    OUT/trajectory.tum holds poses of `base_link` in `map`, which is `base_link` of the first frame;
+    OUT/trajectory_kitti.txt those of the left camera in its first; OUT/report.html shows them.
+
+    Args:
+        source: pairs: KITTI data, folders, videos, a recording, synthetic:NAME, in order of time.
+        out: folder for the results.
+        odometry: vision alone; `kiss`, KISS-ICP on the scans of a LiDAR alone; or `fused`, vision
+            whose every step is checked by the pictures and laid on KISS-ICP's map.
+        detector: masks what may move by itself, such as the cars that a network finds; without it
+            what moves is found by its motion, which takes less than half of the picture to move.
+        matcher: how disparities are found.
+        rows: bring the rows of the right picture to those of the left one before matching: `auto`
+            where points that both eyes see show that they differ, `never`.
+        balance: give the right picture the brightness, colours, gamma and vignetting of the left
+            one before matching: `auto`, `always`, `never`.
+        clean: what is removed of the disparities because it is no surface; `none` keeps all.
+        frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
+        exclude: not these.
+        rig: calibration that replaces the source's cameras: a rig.json, OpenCV YAML, XML or JSON,
+            ROS camera_info, K.txt, calib.txt; a file, a folder, or LEFT,RIGHT.
+        rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
+        rectify: how unrectified pairs are rectified, as they load.
+        scale_calibration: scale the calibration where images have another size.
+        min_depth: nearest depth that must be found, m. By default what the data set says of its
+            scenes, or the rig of its board, else 3.
+        swap: exchange left and right pictures.
+        check: look at the first, the middle and the last pair before the run.
+        keep_work: keep the disparities in OUT/.work, so that the command given again, with other
+            outputs, need not match again.
+        workers: frames matched at the same time; by default one per core.
+        timeout: a frame that takes longer is skipped, s.
+        on_error: skip a bad frame (and stop when they become many), or stop at the first.
+        overwrite: start anew, even where OUT holds a run with other settings.
+    """
+
+    source: Annotated[Source, Recognised(recognise)]
+    out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out")
+    odometry: Fused | Vision | Kiss = field(default_factory=Fused)
+    detector: AnyDetector | None = None
+    matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
+    rows: RowsWhen = "auto"
+    balance: BalanceWhen = "auto"
+    clean: Clean | None = field(default_factory=Clean)
+    frames: FrameSelection | None = None
+    exclude: FrameSelection | None = None
+    rig: Path | None = None
+    rig_unit: RigUnit | None = None
+    rectify: Rectify = field(default_factory=Rectify)
+    scale_calibration: bool = False
+    min_depth: float | None = None
+    swap: bool = False
+    check: Annotated[bool, RUN_ONLY] = True
+    keep_work: Annotated[bool, RUN_ONLY] = False
+    workers: Annotated[int | None, RUN_ONLY] = None
+    timeout: Annotated[float, RUN_ONLY] = FRAME_TIMEOUT_S
+    on_error: Annotated[OnError, RUN_ONLY] = "skip"
+    overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+
+    @property
+    def crew(self) -> CrewPlan:
+        """How the frames are matched."""
+        return CrewPlan(self.workers, self.timeout)
+
+    @property
+    def searching(self) -> Searching:
+        """What disparities are looked for."""
+        return Searching(self.matcher, self.min_depth)
+
+    @property
+    def products(self) -> tuple[str, ...]:
+        """Files that belong to no single frame."""
+        return (TUM_NAME, KITTI_NAME, RIG_NAME)
+
+
+def run(job: Map) -> MapReport:
+    """Match every frame, chain them in order; the path at the end."""
+    source = opened(job)
+    check_usable(job.out)
+    check_apart(
+        job.out, paths_read(job.source), (WORK_FOLDER, *job.products), overwrite=job.overwrite
+    )
+    match_once = matcher_of(job, source)
+    with Run.open(
+        job.out, job, source, products=job.products, networks=networks_of(match_once)
+    ) as run:
+        known = run.committed
+        run.check(
+            wanted=job.check and len(known) < len(source.ids),
+            crew=job.crew,
+            searching=job.searching,
+        )
+        walk, begun_s = Walk(job.odometry.start(source.rig), source.rig), time.monotonic()
+        match_once = replace(match_once, known=known)
+        outcomes = stream(source, match_once, crew=job.crew, in_flight=run.in_flight)
+        for frame in run.good(outcomes, again=len(known)):
+            matched = frame.value
+            walk.step(matched.frame, matched.disparity, matched.movable)
+            if frame.id not in known:
+                run.commit(Done(frame.id, frame.index, matched.product, frame.cpu_s))
+        seconds = time.monotonic() - begun_s
+        pieces = walk.pieces()
+        files = write_trajectories(job.out, pieces, source.rig)
+        if walk.correction is not None:
+            write_rig(job.out / RIG_NAME, source.rig.with_correction(walk.correction))
+            files = (*files, job.out / RIG_NAME)
+    frames = len(walk.placed)
+    report = MapReport(
+        run.result(),
+        job.out,
+        walk.placed,
+        pieces,
+        errors_of(pieces),
+        seconds / frames if frames else None,
+        files,
+    )
+    page = write_map_page(report, source.rig, settings=chosen(job))
+    return replace(report, files=(*files, page))
+
+
+def matcher_of(job: Map, source: FrameSource) -> MatchOnce:
+    """What each frame passes, with everything heavy loaded."""
+    match = MatchFrame.load(
+        source,
+        job.matcher,
+        Refining(),
+        job.clean,
+        eyes=Eyes(job.rows, job.balance),
+        min_depth_m=job.min_depth,
+    )
+    if job.detector is None:
+        return MatchOnce(match, job.out)
+    sight = SightFrame.of(match, GroundFit(), searched_px=job.searching.searched_px(source))
+    return MatchOnce(match, job.out, sight=sight, detect=job.detector.load())
+
+
+def chosen(job: Map) -> dict[str, str]:
+    """What was chosen, for the reader of the report."""
+    parts = {"odometry": job.odometry, "matcher": job.matcher, "detector": job.detector}
+    return {name: described(part) for name, part in parts.items() if part is not None}
+
+
+def opened(job: Map) -> FrameSource:
+    """The source with the selection and the rig that the job asks for.
+
+    Raises:
+        NoPairs: it has no rectified pairs.
+    """
+    every = opened_with_rig(
+        job.source,
+        job.rig,
+        scale_calibration=job.scale_calibration,
+        unit=job.rig_unit,
+        swap=job.swap,
+        rectify=job.rectify,
+    )
+    source = select(every, job.frames, job.exclude)
+    tell(source)
+    return pairs_of(source)

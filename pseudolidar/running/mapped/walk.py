@@ -1,0 +1,136 @@
+"""The first pass: where each frame was taken, told in order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pseudolidar.geometry.frames import left_in_base_link
+from pseudolidar.mapping.registered import OdometryChain, Registered
+from pseudolidar.structures.arrays import Float64, Int64
+from pseudolidar.structures.box import Detection
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.correction import DisparityCorrection
+from pseudolidar.structures.disparity import DisparityMap
+from pseudolidar.structures.frame import StereoFrame
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A frame on its way.
+
+    Args:
+        id: the source's name of it.
+        index: place in the source.
+        timestamp_ns: when it was taken.
+        status: `first` of a piece of path, `ok`, `lost`.
+        why: what was missing, where it is lost.
+        piece: of the path.
+        tracks: points that were followed.
+        inliers: how many of them agree.
+        wrong: vision's step was found to be wrong, and another taken.
+        T_map_camera: (4, 4) ground truth of the left camera, where the source knows it.
+    """
+
+    id: str
+    index: int
+    timestamp_ns: int
+    status: str
+    why: str
+    piece: int
+    tracks: int
+    inliers: int
+    wrong: bool
+    T_map_camera: Float64 | None
+
+    @property
+    def lost(self) -> bool:
+        """Whether nobody knows where it was taken."""
+        return self.status == "lost"
+
+
+class Walk:
+    """Goes along the frames and remembers what was told of each.
+
+    Args:
+        chain: begun.
+        rig: of all frames.
+    """
+
+    def __init__(self, chain: OdometryChain, rig: StereoRig) -> None:
+        self._chain, self._T_base_left = chain, left_in_base_link(rig).matrix
+        self.placed: list[Placed] = []
+
+    def step(
+        self, frame: StereoFrame, disparity: DisparityMap, movable: Sequence[Detection]
+    ) -> Registered:
+        """Where the next frame was taken.
+
+        Raises:
+            SequenceTime: it is not later than the one before.
+            ScanMissing: KISS-ICP alone was asked for, and it has no scan.
+        """
+        registered = self._chain.register(frame, disparity, movable)
+        state, check = registered.state, registered.check
+        truth = None if frame.pose is None else frame.pose.matrix @ self._T_base_left
+        self.placed.append(
+            Placed(
+                frame.id,
+                frame.index,
+                frame.timestamp_ns,
+                state.status,
+                state.why,
+                state.piece,
+                state.n_tracks,
+                state.inliers,
+                check is not None and check.wrong,
+                truth,
+            )
+        )
+        return registered
+
+    @property
+    def correction(self) -> DisparityCorrection | None:
+        """What the motion told of the rig."""
+        return self._chain.correction
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """The path, by all that is known at the end; the longest piece first."""
+        pieces = []
+        for number, path in enumerate(self._chain.trajectories()):
+            frames = tuple(one for one in self.placed if one.piece == number and not one.lost)
+            if len(frames) == len(path):
+                pieces.append(Piece(frames, path.T_world_body))
+        return tuple(sorted(pieces, key=lambda piece: -len(piece.frames)))
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """Frames whose poses are known relative to one another.
+
+    Args:
+        frames: in order of time.
+        T_odom_camera: (N, 4, 4) of their left cameras, in that of the first.
+    """
+
+    frames: tuple[Placed, ...]
+    T_odom_camera: Float64
+
+    @property
+    def times_ns(self) -> Int64:
+        """(N,) int64."""
+        return np.array([one.timestamp_ns for one in self.frames], np.int64)
+
+    @property
+    def length_m(self) -> float:
+        """Way of the camera."""
+        steps = np.diff(self.T_odom_camera[:, :3, 3], axis=0)
+        return float(np.linalg.norm(steps, axis=1).sum())
+
+    @property
+    def truth(self) -> Float64 | None:
+        """(N, 4, 4) of the same frames as the source knows them; None unless it knows them all."""
+        known = [one.T_map_camera for one in self.frames if one.T_map_camera is not None]
+        return np.stack(known) if known and len(known) == len(self.frames) else None

@@ -1,0 +1,144 @@
+"""How mapping went: for people, for programs, and what to open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pseudolidar.evaluation.trajectory.judge import TrajectoryErrors, judge_trajectory
+from pseudolidar.evaluation.trajectory.pairing import FEWEST_PAIRS, PairedPoses
+from pseudolidar.running.mapped.walk import Piece, Placed
+from pseudolidar.running.reports.numbers import counted, percent
+from pseudolidar.running.results import RunResult
+
+# Frames that are named one by one.
+NAMED_FRAMES = 5
+
+
+@dataclass(frozen=True, eq=False)
+class MapReport:
+    """What was made.
+
+    Args:
+        result: frames, figures and times.
+        out: output folder.
+        placed: every frame, in order.
+        pieces: of path, the longest first; frames that were lost are in none.
+        errors: of the longest against the poses of the source; None where it has none.
+        seconds_per_frame: wall time of matching and odometry together.
+        files: what there is to open.
+        map: figures of the map; none where none was made.
+    """
+
+    result: RunResult
+    out: Path
+    placed: Sequence[Placed]
+    pieces: Sequence[Piece]
+    errors: TrajectoryErrors | None
+    seconds_per_frame: float | None
+    files: Sequence[Path] = ()
+    map: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def exit_code(self) -> int:
+        """0 all done, 4 some frames skipped, 130 or 143 stopped."""
+        return self.result.exit_code
+
+    @property
+    def lost(self) -> list[Placed]:
+        """Frames of which nobody knows where they were taken."""
+        return [one for one in self.placed if one.lost]
+
+    @property
+    def corrected(self) -> list[Placed]:
+        """Frames whose step of vision was found to be wrong."""
+        return [one for one in self.placed if one.wrong]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Path with its errors, map, times; then counts and where the results are."""
+        return {
+            "trajectory": self._trajectory(),
+            "map": dict(self.map),
+            "seconds_per_frame": self.seconds_per_frame,
+            **self.result.as_dict(),
+            "out": str(self.out),
+            "files": [str(path) for path in self.files],
+            "exit_code": self.exit_code,
+        }
+
+    def _trajectory(self) -> dict[str, Any]:
+        longest = self.pieces[0] if self.pieces else None
+        told: dict[str, Any] = {
+            "frames": 0 if longest is None else len(longest.frames),
+            "length_m": 0.0 if longest is None else longest.length_m,
+            "end_error_rel": None,
+            "t_rel": None,
+            "segments_m": None,
+            "r_rel_deg_per_m": None,
+            "ape_rmse_m": None,
+        }
+        if self.errors is not None:
+            told |= self.errors.summary()
+        return told | {
+            "pieces": len(self.pieces),
+            "lost": [one.id for one in self.lost],
+            "corrected": [one.id for one in self.corrected],
+        }
+
+    def text(self) -> str:
+        """The same for people, and what to open."""
+        lines = [
+            self.result.text(),
+            *self._path_lines(),
+            *self._trouble_lines(),
+            *self._map_lines(),
+        ]
+        return "\n".join([*lines, *(f"  {path}" for path in self.files if path.exists())])
+
+    def _path_lines(self) -> list[str]:
+        if not self.pieces:
+            return ["  no path: every frame is lost"]
+        longest = self.pieces[0]
+        line = f"  path of {longest.length_m:.2f} m through {counted(len(longest.frames), 'frame')}"
+        if self.seconds_per_frame is not None:
+            line += f", {self.seconds_per_frame:.3f} s a frame"
+        if self.errors is None:
+            return [line]
+        told = self.errors.summary()
+        segments = ", ".join(f"{length:.0f}" for length in told["segments_m"])
+        return [
+            line,
+            f"  against the source's own poses: {percent(told['end_error_rel'])} of the way at the "
+            f"end, t_rel {percent(told['t_rel'])} ({segments} m), "
+            f"APE {told['ape_rmse_m']:.3f} m rmse",
+        ]
+
+    def _trouble_lines(self) -> list[str]:
+        lines = []
+        if len(self.pieces) > 1:
+            more = ", ".join(f"{piece.length_m:.1f}" for piece in self.pieces[1:])
+            lines.append(f"  {counted(len(self.pieces), 'piece')} of path: others of {more} m")
+        lines += [f"  lost: {one.id}: {one.why}" for one in self.lost[:NAMED_FRAMES]]
+        more_lost = len(self.lost) - NAMED_FRAMES
+        lines += [f"  lost: {more_lost} more"] if more_lost > 0 else []
+        if self.corrected:
+            names = ", ".join(one.id for one in self.corrected[:NAMED_FRAMES])
+            lines.append(
+                f"  {counted(len(self.corrected), 'wrong step')} of vision caught: {names}"
+            )
+        return lines
+
+    def _map_lines(self) -> list[str]:
+        points = self.map.get("points")
+        return [] if points is None else [f"  map of {points:,} points"]
+
+
+def errors_of(pieces: Sequence[Piece]) -> TrajectoryErrors | None:
+    """Errors of the longest piece against the source's poses; None where it has not all of them."""
+    truth = pieces[0].truth if pieces else None
+    if truth is None or len(truth) < FEWEST_PAIRS:
+        return None
+    longest = pieces[0]
+    return judge_trajectory(PairedPoses.of_frames(longest.T_odom_camera, truth, longest.times_ns))
