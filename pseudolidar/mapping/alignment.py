@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pseudolidar.geometry.twists import exp_twist, inverted, log_twist
+from pseudolidar.geometry.twists import exp_twist, inverted, log_twist, rigid
 from pseudolidar.mapping.patches import Patches
 from pseudolidar.mapping.surface_map import Surfaces
 from pseudolidar.structures.arrays import Float64, Int64, check_array
@@ -102,7 +102,8 @@ def align(
         T = np.asarray(T @ exp_twist(np.asarray(step)))
         if np.linalg.norm(step[:3]) < STILL_M and np.linalg.norm(step[3:]) < STILL_RAD:
             break
-    return lying_at(patches, surfaces, Prior(T, prior.information), within_m=within_m)
+    # Rounding errors of a pose double with every frame of a chain that takes them for rigid.
+    return lying_at(patches, surfaces, Prior(rigid(T), prior.information), within_m=within_m)
 
 
 def lying_at(patches: Patches, surfaces: Surfaces, prior: Prior, *, within_m: float) -> Alignment:
