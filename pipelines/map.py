@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pseudolidar.clouds.ground_fit import GroundFit
+from pseudolidar.errors import ALL_DONE, SOME_SKIPPED
 from pseudolidar.formats.rigs.rig_json import write_rig
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.mapping.odometry import Fused, Kiss, Vision
@@ -18,6 +21,14 @@ from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
+from pseudolidar.running.mapped.build import (
+    TILE_FOLDER,
+    WHOLE_NAME,
+    MapSettings,
+    built,
+    written,
+)
+from pseudolidar.running.mapped.map_outputs import MapOutputs
 from pseudolidar.running.mapped.stored import WORK_FOLDER, MatchOnce
 from pseudolidar.running.mapped.trajectory_files import KITTI_NAME, TUM_NAME, write_trajectories
 from pseudolidar.running.mapped.walk import Walk
@@ -25,6 +36,7 @@ from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.networks import networks_of
 from pseudolidar.running.reports.map_page import write_map_page
+from pseudolidar.running.reports.map_pictures import map_sections
 from pseudolidar.running.reports.map_report import MapReport, errors_of
 from pseudolidar.running.run import Run
 from pseudolidar.running.settings_schema import described
@@ -42,13 +54,14 @@ from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
+from pseudolidar.structures.cloud import PointCloud
 
 RIG_NAME = "rig.json"
 
 
 @dataclass(frozen=True)
 class Map:
-    """Chain the pairs of SOURCE into a path, and write it to OUT.
+    """Chain the pairs of SOURCE into a path and a map, and write both to OUT.
 
     Stereo visual odometry finds how the cameras moved; KISS-ICP's map and the pictures check every
     step. Frames in which too little is seen are lost, and said to be: nothing is made up. Where the
@@ -60,14 +73,19 @@ class Map:
         pseudolidar map KITTI_odometry out/06 --sequence 06 --json
         pseudolidar map drive.mcap out/drive --odometry vision --detector onnx:yolox_nano.onnx
 
+    The map holds what several frames agree on: disparities of neighbouring frames are fused, points
+    averaged over 5 cm, with colour, normal, sigma and how many frames saw them; what later frames
+    see through, as trails of cars, is left out. OUT/map.ply is all of it, OUT/tiles are squares.
     OUT/trajectory.tum holds poses of `base_link` in `map`, which is `base_link` of the first frame;
     OUT/trajectory_kitti.txt those of the left camera in its first; OUT/report.html shows them.
 
     Args:
         source: pairs: KITTI data, folders, videos, a recording, synthetic:NAME, in order of time.
         out: folder for the results.
+        to: formats of the map, a comma list of pcd, ply, npz, bin, or `none` for the path alone.
         odometry: vision alone; `kiss`, KISS-ICP on the scans of a LiDAR alone; or `fused`, vision
             whose every step is checked by the pictures and laid on KISS-ICP's map.
+        map: how the map is made: --map.tiles.voxel 0.1 for a coarser one.
         detector: masks what may move by itself, such as the cars that a network finds; without it
             what moves is found by its motion, which takes less than half of the picture to move.
         matcher: how disparities are found.
@@ -97,7 +115,9 @@ class Map:
 
     source: Annotated[Source, Recognised(recognise)]
     out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out")
+    to: MapOutputs = field(default_factory=MapOutputs)
     odometry: Fused | Vision | Kiss = field(default_factory=Fused)
+    map: MapSettings = field(default_factory=MapSettings)
     detector: AnyDetector | None = None
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
     rows: RowsWhen = "auto"
@@ -131,7 +151,8 @@ class Map:
     @property
     def products(self) -> tuple[str, ...]:
         """Files that belong to no single frame."""
-        return (TUM_NAME, KITTI_NAME, RIG_NAME)
+        maps = tuple(f"{WHOLE_NAME}.{kind}" for kind in self.to.kinds)
+        return (TUM_NAME, KITTI_NAME, RIG_NAME, *maps)
 
 
 def run(job: Map) -> MapReport:
@@ -139,7 +160,10 @@ def run(job: Map) -> MapReport:
     source = opened(job)
     check_usable(job.out)
     check_apart(
-        job.out, paths_read(job.source), (WORK_FOLDER, *job.products), overwrite=job.overwrite
+        job.out,
+        paths_read(job.source),
+        (WORK_FOLDER, TILE_FOLDER, *job.products),
+        overwrite=job.overwrite,
     )
     match_once = matcher_of(job, source)
     with Run.open(
@@ -162,9 +186,18 @@ def run(job: Map) -> MapReport:
         seconds = time.monotonic() - begun_s
         pieces = walk.pieces()
         files = write_trajectories(job.out, pieces, source.rig)
+        rig = source.rig.with_correction(walk.correction or source.rig.correction)
         if walk.correction is not None:
-            write_rig(job.out / RIG_NAME, source.rig.with_correction(walk.correction))
+            write_rig(job.out / RIG_NAME, rig)
             files = (*files, job.out / RIG_NAME)
+        figures: Mapping[str, Any] = {}
+        whole: PointCloud | None = None
+        if pieces and job.to.kinds:
+            builder = built(job.out, source, pieces[0], rig, job.map)
+            written_files, figures, whole = written(job.out, builder, job.to.kinds)
+            files = (*files, *written_files)
+    if not job.keep_work and run.result().exit_code in (ALL_DONE, SOME_SKIPPED):
+        shutil.rmtree(job.out / WORK_FOLDER, ignore_errors=True)
     frames = len(walk.placed)
     report = MapReport(
         run.result(),
@@ -174,8 +207,11 @@ def run(job: Map) -> MapReport:
         errors_of(pieces),
         seconds / frames if frames else None,
         files,
+        figures,
     )
-    page = write_map_page(report, source.rig, settings=chosen(job))
+    page = write_map_page(
+        report, source.rig, settings=chosen(job), more=map_sections(whole, pieces, source.rig)
+    )
     return replace(report, files=(*files, page))
 
 

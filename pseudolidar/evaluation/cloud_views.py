@@ -1,0 +1,116 @@
+"""Clouds as pictures: from above and in perspective, the nearest point in front."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pseudolidar.evaluation.pictures import NOTHING
+from pseudolidar.structures.arrays import Float64, Int64, UInt8
+from pseudolidar.structures.cloud import PointCloud
+
+# A point is drawn as large as it is, but not larger than this, px.
+LARGEST_DOT_PX = 5
+# Shares of the points' coordinates that lie outside of a view from above.
+OUTSIDE = 0.002
+# Nothing nearer to the eye is drawn, m.
+NEAREST_M = 0.5
+UNCOLOURED = 200
+
+
+@dataclass(frozen=True)
+class Eye:
+    """Where a cloud is looked at from; z is up.
+
+    Args:
+        at_m: (3,) where the eye is.
+        towards_m: (3,) what it looks at.
+        width_px: of the picture.
+        height_px: of the picture.
+        angle_deg: across the picture.
+    """
+
+    at_m: tuple[float, float, float]
+    towards_m: tuple[float, float, float]
+    width_px: int = 1200
+    height_px: int = 675
+    angle_deg: float = 70.0
+
+    @property
+    def focal_px(self) -> float:
+        """Focal length."""
+        return self.width_px / 2 / float(np.tan(np.radians(self.angle_deg) / 2))
+
+    def axes(self) -> Float64:
+        """(3, 3) rows: right, down, ahead, in the cloud's frame."""
+        ahead = np.subtract(self.towards_m, self.at_m)
+        ahead = ahead / np.linalg.norm(ahead)
+        right = np.cross(ahead, (0.0, 0.0, 1.0))
+        right /= np.linalg.norm(right)
+        return np.stack([right, np.cross(ahead, right), ahead])
+
+
+def perspective(cloud: PointCloud, eye: Eye, *, point_m: float) -> UInt8:
+    """(H, W, 3) RGB of a cloud as an eye sees it.
+
+    Args:
+        cloud: z up.
+        eye: from where.
+        point_m: side of a point.
+    """
+    seen = (cloud.xyz - np.asarray(eye.at_m)) @ eye.axes().T
+    depth = seen[:, 2]
+    front = np.flatnonzero(depth > NEAREST_M)
+    scale = eye.focal_px / depth[front]
+    u = eye.width_px / 2 + seen[front, 0] * scale
+    v = eye.height_px / 2 + seen[front, 1] * scale
+    dots = np.clip(np.ceil(point_m * scale), 1, LARGEST_DOT_PX).astype(np.int64)
+    return _splatted(cloud, front, (u, v), -depth[front], dots, (eye.height_px, eye.width_px))
+
+
+def from_above(
+    cloud: PointCloud, *, point_m: float, width_px: int = 1200, tallest_px: int = 1200
+) -> tuple[UInt8, float]:
+    """(H, W, 3) RGB of a cloud from above, x to the right, the highest point in front.
+
+    Returns:
+        The picture, and m a pixel.
+    """
+    xy = cloud.xyz[:, :2]
+    low, high = np.quantile(xy, (OUTSIDE, 1 - OUTSIDE), axis=0)
+    size_m = np.maximum(high - low, 1.0)
+    per_px = float(max(size_m[0] / width_px, size_m[1] / tallest_px))
+    width, height = (max(int(np.ceil(edge / per_px)), 1) for edge in size_m)
+    u, v = (xy[:, 0] - low[0]) / per_px, (high[1] - xy[:, 1]) / per_px
+    every = np.arange(len(cloud))
+    side = int(np.clip(np.ceil(point_m / per_px), 1, LARGEST_DOT_PX))
+    dots = np.full(len(cloud), side, np.int64)
+    return _splatted(cloud, every, (u, v), cloud.xyz[:, 2], dots, (height, width)), per_px
+
+
+def _splatted(
+    cloud: PointCloud,
+    chosen: Int64,
+    uv: tuple[Float64, Float64],
+    order: Float64,
+    dots: Int64,
+    shape: tuple[int, int],
+) -> UInt8:
+    """Points as squares; what is last in order covers what is before it."""
+    picture = np.full((*shape, 3), NOTHING, np.uint8)
+    rgb = np.full((len(cloud), 3), UNCOLOURED, np.uint8) if cloud.rgb is None else cloud.rgb
+    turn = np.argsort(order, kind="stable")
+    column, row = (np.floor(axis[turn]).astype(np.int64) for axis in uv)
+    colour, sides = rgb[chosen[turn]], dots[turn]
+    best = np.full(shape, -1, np.int64)
+    rank = np.arange(len(turn))
+    for down in range(LARGEST_DOT_PX):
+        for right in range(LARGEST_DOT_PX):
+            x, y = column + right - sides // 2, row + down - sides // 2
+            inside = (sides > max(down, right)) & (x >= 0) & (x < shape[1]) & (y >= 0)
+            inside &= y < shape[0]
+            np.maximum.at(best, (y[inside], x[inside]), rank[inside])
+    known = best >= 0
+    picture[known] = colour[best[known]]
+    return picture

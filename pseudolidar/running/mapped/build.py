@@ -1,0 +1,176 @@
+"""The second pass: what the frames saw, put together where they were."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pseudolidar.geometry.frames import MAP, left_in_base_link
+from pseudolidar.mapping.free_space import FreeSpace
+from pseudolidar.mapping.fusion import TemporalFusion
+from pseudolidar.mapping.map_points import MapPoints
+from pseudolidar.mapping.tiles import MapTiles, TileStore
+from pseudolidar.running.crew.attempt import Done
+from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.mapped.stored import WORK_FOLDER, read_stored
+from pseudolidar.running.mapped.walk import Piece
+from pseudolidar.running.one_cloud import write_cloud
+from pseudolidar.running.progress import FrameProgress
+from pseudolidar.running.reports.samples import photo_of
+from pseudolidar.running.stream import stream
+from pseudolidar.sources.source import FrameSource
+from pseudolidar.structures.arrays import Float64, UInt8
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.structures.disparity import DisparityMap
+from pseudolidar.structures.frame import StereoFrame
+
+TILE_FOLDER, WHOLE_NAME = "tiles", "map"
+SUMS_FOLDER, FREE_NAME = "sums", "free_space"
+# Larger maps are in tiles only, points.
+MOST_IN_ONE_FILE = 50_000_000
+
+
+@dataclass(frozen=True)
+class MapSettings:
+    """How a map is made of frames.
+
+    Args:
+        fusion: how disparities of neighbouring frames become one.
+        points: which pixels are sure enough.
+        tiles: how points are averaged and kept.
+    """
+
+    fusion: TemporalFusion = field(default_factory=TemporalFusion)
+    points: MapPoints = field(default_factory=MapPoints)
+    tiles: MapTiles = field(default_factory=MapTiles)
+
+
+@dataclass(frozen=True)
+class Restored:
+    """A frame with the disparities that the first pass has stored: picklable.
+
+    Args:
+        folder: output folder.
+    """
+
+    folder: Path
+
+    def __call__(self, frame: StereoFrame) -> tuple[StereoFrame, DisparityMap]:
+        """Read them.
+
+        Raises:
+            ImageUnreadable: somebody changed the file.
+        """
+        return frame, read_stored(self.folder, frame.id)
+
+
+class MapBuilder:
+    """Puts frames together, one after the other.
+
+    Args:
+        folder: output folder.
+        rig: with the correction that motion told.
+        settings: how.
+    """
+
+    def __init__(self, folder: Path, rig: StereoRig, settings: MapSettings) -> None:
+        self._rig, self._settings = rig, settings
+        self._T_base_left = left_in_base_link(rig).matrix
+        work = folder / WORK_FOLDER
+        sums = work / SUMS_FOLDER
+        shutil.rmtree(sums, ignore_errors=True)
+        sums.mkdir(parents=True)
+        self._fusion = settings.fusion.start()
+        self._tiles: TileStore = settings.tiles.start(sums, MAP)
+        self._free = FreeSpace(work / FREE_NAME, rig)
+
+    def add(self, frame: StereoFrame, disparity: DisparityMap, T_odom_camera: Float64) -> None:
+        """A frame, where it was taken."""
+        T_map_camera = self._T_base_left @ T_odom_camera
+        fused = self._fusion.add(disparity, self._rig, T_map_camera)
+        points = self._settings.points.of(fused, colours_of(frame))
+        self._tiles.add(points, T_map_camera)
+        self._free.add(fused.depth_m, T_map_camera)
+
+    def clouds(self) -> Iterator[tuple[tuple[int, int], PointCloud]]:
+        """The tiles of the map."""
+        yield from self._tiles.merged(self._free)
+        self._free.close()
+
+
+def built(
+    folder: Path, source: FrameSource, piece: Piece, rig: StereoRig, settings: MapSettings
+) -> MapBuilder:
+    """All frames of a piece of path, put together.
+
+    Args:
+        folder: output folder, with the disparities of the first pass.
+        source: the frames.
+        piece: where they were taken.
+        rig: with the correction that motion told.
+        settings: how.
+    """
+    builder = MapBuilder(folder, rig, settings)
+    poses = {one.id: T for one, T in zip(piece.frames, piece.T_odom_camera, strict=True)}
+    others = frozenset(source.ids) - poses.keys()
+    outcomes = stream(source, Restored(folder), crew=CrewPlan(1), skip=others)
+    with FrameProgress(len(poses)) as progress:
+        for outcome in outcomes:
+            if isinstance(outcome, Done):
+                builder.add(*outcome.value, poses[outcome.id])
+            progress.advance()
+    return builder
+
+
+def written(
+    folder: Path, builder: MapBuilder, kinds: tuple[str, ...]
+) -> tuple[tuple[Path, ...], Mapping[str, Any], PointCloud | None]:
+    """Write the map: each tile, and the whole where it is not too large.
+
+    Args:
+        folder: output folder.
+        builder: has all frames.
+        kinds: formats.
+
+    Returns:
+        The files; figures of the map; all of it, where it is not too large.
+
+    Raises:
+        OutputError: the disk is full or gone.
+    """
+    from pseudolidar.clouds.merge import merged
+
+    tiles_folder = folder / TILE_FOLDER
+    shutil.rmtree(tiles_folder, ignore_errors=True)
+    clouds, points, tiles = list[PointCloud](), 0, 0
+    for (x, y), cloud in builder.clouds():
+        points, tiles = points + len(cloud), tiles + 1
+        for kind in kinds:
+            tiles_folder.mkdir(parents=True, exist_ok=True)
+            write_cloud(tiles_folder / f"{x}_{y}.{kind}", cloud)
+        if points <= MOST_IN_ONE_FILE:
+            clouds.append(cloud)
+    figures: dict[str, Any] = {"points": points, "tiles": tiles}
+    if not clouds or points > MOST_IN_ONE_FILE:
+        return ((tiles_folder,) if tiles else ()), figures, None
+    whole = merged(clouds)
+    files = tuple(folder / f"{WHOLE_NAME}.{kind}" for kind in kinds)
+    for file in files:
+        write_cloud(file, whole)
+    low, high = whole.xyz.min(axis=0), whole.xyz.max(axis=0)
+    figures["extent_m"] = [float(edge) for edge in high - low]
+    assert whole.sigma_m is not None
+    figures["sigma_m_median"] = float(np.median(whole.sigma_m))
+    return (*files, tiles_folder), figures, whole
+
+
+def colours_of(frame: StereoFrame) -> UInt8:
+    """(H, W, 3) RGB of the left picture."""
+    photo = photo_of(frame)
+    return photo if photo.ndim == 3 else photo[:, :, None].repeat(3, axis=2)

@@ -1,0 +1,109 @@
+"""`pseudolidar map` as a user runs it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pseudolidar.cli import main
+from pseudolidar.formats.points.ply import read_ply
+from pseudolidar.formats.trajectory import read_kitti_poses
+from pseudolidar.formats.tum import read_tum_trajectory
+
+# Small pictures that still hold some hundred tracks.
+WORLD = ["synthetic:street", "--source.frames", "5", "--source.width-px", "480"]
+
+
+def run_map(out: Path, *more: str) -> int:
+    return main(["map", *WORLD, str(out), *more])
+
+
+@pytest.fixture(scope="module")
+def mapped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("mapped")
+    assert run_map(out, "--to", "ply", "--keep-work", "--map.points.sigma", "0.3") == 0
+    return out
+
+
+def test_the_path_is_where_the_world_says(mapped: Path, capsys: pytest.CaptureFixture[str]):
+    assert run_map(mapped, "--to", "ply", "--map.points.sigma", "0.3", "--keep-work", "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    path = told["trajectory"]
+    assert path["frames"] == 5
+    assert path["end_error_rel"] < 0.006
+    assert path["t_rel"] < 0.006
+    assert path["lost"] == []
+    assert told["map"]["points"] > 2000
+    assert told["seconds_per_frame"] > 0
+
+
+def test_files_of_the_path_agree(mapped: Path):
+    times, bodies = read_tum_trajectory(mapped / "trajectory.tum")
+    cameras = read_kitti_poses(mapped / "trajectory_kitti.txt")
+    assert len(times) == len(bodies) == len(cameras) == 5
+    assert np.allclose(bodies[0], np.eye(4))
+    # x of the body is z of the camera.
+    assert bodies[-1][0, 3] == pytest.approx(cameras[-1][2, 3], abs=0.02)
+    assert bodies[-1][0, 3] > 1.0
+
+
+def test_points_of_the_map_have_what_is_known_of_them(mapped: Path):
+    cloud = read_ply(mapped / "map.ply")
+    assert cloud.frame == "map"
+    assert set(cloud.extra) == {"nx", "ny", "nz", "views"}
+    assert cloud.extra["views"].min() >= 2
+    assert np.isfinite(cloud.sigma_m).all()
+    length = np.linalg.norm([cloud.extra[name] for name in ("nx", "ny", "nz")], axis=0)
+    assert np.allclose(length, 1, atol=1e-3)
+    tiles = [read_ply(tile) for tile in sorted((mapped / "tiles").glob("*.ply"))]
+    assert sum(map(len, tiles)) == len(cloud)
+    # The road lies below the camera, and its normals point up.
+    road = np.abs(cloud.xyz[:, 2] - np.quantile(cloud.xyz[:, 2], 0.1)) < 0.1
+    assert np.median(cloud.extra["nz"][road]) > 0.95
+
+
+def test_the_page_shows_the_path_and_the_map(mapped: Path):
+    page = (mapped / "report.html").read_text()
+    for heading in ("The map", "The path", "Drift", "How it was found"):
+        assert f"<h2>{heading}</h2>" in page
+    assert page.count("<img") >= 6
+
+
+def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(mapped: Path, tmp_path: Path):
+    command = [sys.executable, "-m", "pseudolidar.cli", "map", *WORLD, str(tmp_path)]
+    command += ["--to", "ply", "--map.points.sigma", "0.3"]
+    child = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+    end = time.monotonic() + 60
+    while len(list((tmp_path / ".work").glob("*.disparity"))) < 2:
+        assert time.monotonic() < end
+        assert child.poll() is None
+        time.sleep(0.05)
+    os.kill(child.pid, signal.SIGKILL)
+    child.wait()
+    done = {file: file.stat().st_mtime_ns for file in (tmp_path / ".work").glob("*.disparity")}
+    assert main(["map", *WORLD, str(tmp_path), *command[-4:], "--keep-work"]) == 0
+    assert all(file.stat().st_mtime_ns == before for file, before in done.items())
+    names = ["trajectory.tum", "trajectory_kitti.txt", "map.ply"]
+    names += [str(tile.relative_to(mapped)) for tile in (mapped / "tiles").iterdir()]
+    for name in names:
+        assert (mapped / name).read_bytes() == (tmp_path / name).read_bytes(), name
+
+
+def test_the_path_alone(tmp_path: Path):
+    assert run_map(tmp_path, "--to", "none", "--odometry", "vision", "--frames", "0:3") == 0
+    assert not list(tmp_path.glob("map.*"))
+    assert not (tmp_path / ".work").exists()
+    assert len(read_tum_trajectory(tmp_path / "trajectory.tum")[0]) == 3
+
+
+def test_formats_that_are_none_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert run_map(tmp_path, "--to", "obj") == 2
+    assert "ply, pcd, npz, bin" in capsys.readouterr().err
