@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pseudolidar.geometry.twists import exp_twist, inverted, log_twist
+from pseudolidar.geometry.twists import exp_twist, inverted, log_twist, rigid
 from pseudolidar.mapping.disparity_offset import Offset
 from pseudolidar.mapping.path import Doubt, stacked
 from pseudolidar.structures.arrays import Float64
@@ -54,7 +54,8 @@ class FusedPath:
         """The next frame that was not lost."""
         self._times_ns.append(timestamp_ns)
         self._steps.append(step)
-        self.T_odom_camera = self.T_odom_camera @ step.T_from_to
+        # Rounding errors double with every step that takes a bent pose for rigid.
+        self.T_odom_camera = rigid(self.T_odom_camera @ step.T_from_to)
         self.doubt = self.doubt.after_step(step.T_from_to, step.covariance, step.by_offset)
 
     def settled(self, vision: Trajectory, offset: Offset) -> Trajectory:
@@ -69,7 +70,7 @@ class FusedPath:
         T = vision.T_world_body
         for before, after, step in zip(T[:-1], T[1:], self._steps, strict=True):
             T_from_to = step.with_vision(inverted(before) @ after)
-            poses.append(poses[-1] @ T_from_to)
+            poses.append(rigid(poses[-1] @ T_from_to))
             doubt = doubt.after_step(T_from_to, step.covariance, step.by_offset)
             covariances.append(doubt.total(offset))
         return stacked(self._times_ns, poses, covariances)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
-from pseudolidar.mapping.fused_chain import FusedChain
-from pseudolidar.mapping.kiss_chain import KissChain
 from pseudolidar.mapping.registered import Registered
 from pseudolidar.mapping.scan_odometry import ScanOdometry
 from pseudolidar.mapping.visual_odometry import VisualChain, VisualOdometry
@@ -17,6 +15,10 @@ from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.pose import Trajectory
+
+if TYPE_CHECKING:
+    from pseudolidar.mapping.fused_chain import FusedChain
+    from pseudolidar.mapping.kiss_chain import KissChain
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,8 @@ class Kiss:
         Raises:
             MissingDependency: kiss-icp is absent.
         """
+        from pseudolidar.mapping.kiss_chain import KissChain
+
         return KissChain(self.scans.start(), rig)
 
 
@@ -69,6 +73,8 @@ class Fused:
         Raises:
             MissingDependency: kiss-icp is absent.
         """
+        from pseudolidar.mapping.fused_chain import FusedChain
+
         return FusedChain(self.visual.start(rig), rig)
 
 

@@ -11,13 +11,14 @@ from pseudolidar.geometry.twists import exp_twist, inverted, log_twist
 from pseudolidar.mapping.alignment import Prior, align
 from pseudolidar.mapping.disparity_offset import Offset
 from pseudolidar.mapping.fused_chain import FusedChain
+from pseudolidar.mapping.fused_path import FusedPath, FusedStep
 from pseudolidar.mapping.odometry import Fused, Kiss, Vision
 from pseudolidar.mapping.patches import find_patches
 from pseudolidar.mapping.surface_map import Surfaces
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.odometry import CameraStep, OdometryState
-from pseudolidar.structures.pose import Pose
+from pseudolidar.structures.pose import Pose, rotation_error
 
 FRAMES = 4
 DOUBT = np.diag([1e-5] * 3 + [1e-8] * 3)
@@ -134,3 +135,15 @@ def test_a_map_without_surfaces_leaves_the_prior(street):
     found = align(patches, Surfaces(np.zeros((0, 3))), Prior(T, np.eye(6)), within_m=0.5)
     assert np.allclose(found.T_odom_sensor, T)
     assert (found.matched, found.score) == (0.0, 0.0)
+
+
+def test_a_long_path_stays_rigid():
+    # Steps bent by rounding: taken for rigid, their errors would double with each of them.
+    step = exp_twist(np.array([0.9, 0.01, 0.02, 0.001, 0.01, -0.002]))
+    bent = step + 1e-14 * np.random.default_rng(0).normal(size=(4, 4)) * (np.arange(4) < 3)[:, None]
+    path = FusedPath(0)
+    for number in range(1, 200):
+        T_from_to = inverted(path.T_odom_camera) @ (path.T_odom_camera @ bent)
+        fused = FusedStep(T_from_to, step, np.eye(6), 1e-6 * np.eye(6), np.zeros(6))
+        path.add(number, fused)
+    assert rotation_error(path.T_odom_camera[:3, :3]) < 1e-12
