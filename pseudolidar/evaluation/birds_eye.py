@@ -17,6 +17,8 @@ RINGS = 4
 RING, SENSOR = (84, 84, 92), (255, 255, 255)
 # Dark surfaces would be lost on the dark ground.
 DARKEST = 48
+# Size of what is written at a ring, px.
+RING_LABEL_PX = 34, 12
 
 
 def birds_eye(
@@ -107,11 +109,29 @@ def _ground(side_px: int, per_px: float, ahead_m: float, sensor: tuple[int, int]
     return picture
 
 
+def ring_labels(side_px: int, ahead_m: float) -> list[tuple[int, int, int, int]]:
+    """Left, top, right, bottom of what is written at the rings of a view ahead, px.
+
+    Args:
+        side_px: its width and height.
+        ahead_m: how far it reaches.
+    """
+    width, height = RING_LABEL_PX
+    places = (
+        _ring_place(radius_m, ahead_m / side_px, (side_px // 2, side_px))
+        for radius_m in _radii_m(ahead_m)
+    )
+    return [(x, y - height, x + width, y + 2) for x, y in places]
+
+
+def _ring_place(radius_m: float, per_px: float, sensor: tuple[int, int]) -> tuple[int, int]:
+    up = round(radius_m / per_px)
+    return sensor[0] + 5, max(sensor[1] - up + 14, 12)
+
+
 def _labels(picture: UInt8, per_px: float, ahead_m: float, sensor: tuple[int, int]) -> None:
     import cv2
 
     cv2.circle(picture, sensor, 4, SENSOR, -1, cv2.LINE_AA)
     for radius_m in _radii_m(ahead_m):
-        up = round(radius_m / per_px)
-        place = (sensor[0] + 5, max(sensor[1] - up + 14, 12))
-        write_on(picture, f"{radius_m:g} m", place, 0.42)
+        write_on(picture, f"{radius_m:g} m", _ring_place(radius_m, per_px, sensor), 0.42)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pseudolidar.evaluation.birds_eye import ring_labels
 from pseudolidar.evaluation.captions import write_on
 from pseudolidar.evaluation.free_place import Places, Rectangle
 from pseudolidar.formats.obstacle_words import (
@@ -107,7 +108,8 @@ def draw_from_above(picture: UInt8, obstacles: Sequence[Obstacle], view: AboveVi
         _arrow(picture, obstacle, view, colour)
     shown = [one for one in near_first if _is_in(view, one)]
     footprints = [_around(view.pixels(one.box.corners_m())) for one in shown]
-    places = Places((picture.shape[1], picture.shape[0]), footprints)
+    spared = [*footprints, *ring_labels(view.side_px, view.ahead_m)]
+    places = Places((picture.shape[1], picture.shape[0]), spared)
     for obstacle, beside in zip(shown, footprints, strict=True):
         name = "" if obstacle.track is None else f"{obstacle.track.track_id}:"
         speed = speed_text(obstacle)
@@ -197,10 +199,11 @@ def _fixed(point: Float64) -> tuple[int, int]:
 
 
 def _error_bar(obstacle: Obstacle, view: AboveView) -> tuple[Float64, Float64]:
-    """One standard deviation each way from the nearest face, along the ray."""
+    """One standard deviation each way from the nearest face, along the ray; none behind the eye."""
     x, _, z = obstacle.box.pose.translation_m
     ends = [
-        (obstacle.distance_m + side * obstacle.sigma_distance_m) * np.array([x / z, 0.0, 1.0])
+        max(obstacle.distance_m + side * obstacle.sigma_distance_m, 0.0)
+        * np.array([x / z, 0.0, 1.0])
         for side in (-1, 1)
     ]
     near, far = view.pixels(np.array(ends))

@@ -6,7 +6,8 @@ bottom; first pixel centre at 0), `distance_m` (Z of the nearest face), `sigma_d
 `heading_rad` (of the length, about the vertical, 0 ahead, to the right positive; which end is the
 front nobody knows), `sigma_*` one standard deviation each (of the centre along the box's axes;
 `sigma_shared_m` that part of the distance's which is the same in every frame),
-`rotation` (3 rows, box to camera), `points`, `confidence`, `truncated`, `occluded`, `measured_by`.
+`rotation` (3 rows, box to camera), `points`, `confidence`, `truncated`, `occluded`, `measured_by`,
+`bound` (it may be nearer).
 Of a tracked one also what `track_json` has. `obstacle.schema.json` beside this file is the form of
 an object; `obstacles.jsonl` has one on each line.
 """
@@ -60,6 +61,7 @@ def obstacle_fields(
         "occluded": obstacle.occluded,
         "sigma_shared_m": obstacle.sigma_shared_m,
         "measured_by": obstacle.measured_by,
+        "bound": obstacle.bound,
         **({} if obstacle.track is None else track_fields(obstacle.track)),
     }
 
@@ -92,6 +94,7 @@ def obstacle_of(fields: dict[str, Any], *, where: str) -> Obstacle:
             bool(fields["truncated"]),
             bool(fields["occluded"]),
             float(fields.get("sigma_shared_m", 0.0)),
+            bool(fields.get("bound", False)),
             track=track_of(fields),
         )
     except (KeyError, TypeError, ValueError) as error:

@@ -10,8 +10,10 @@ from pseudolidar.structures.obstacle import Obstacle
 
 # Below this sigma centimetres are told, m.
 CENTIMETRES_BELOW_M = 0.1
-# Speeds that are not this many sigmas from standing are not told.
-SURELY_MOVES = 2.0
+# Speeds that are not this many sigmas from standing are not told; of things of no class, of which
+# most stand, more.
+SURELY_MOVES, SURELY_MOVES_UNNAMED = 2.0, 3.0
+UNNAMED = frozenset(("thing", "obstacle"))
 # Colours by distance, m: red is near, as in pictures of disparity. Between them in even ratios.
 NEAR_COLOURS = (
     (4.0, (255, 64, 48)),
@@ -29,8 +31,13 @@ def name_text(obstacle: Obstacle) -> str:
 
 
 def distance_text(obstacle: Obstacle) -> str:
-    """Distance of the nearest face and one standard deviation: `20.0 +- 0.4 m`."""
+    """Distance of the nearest face and one standard deviation: `20.0 +- 0.4 m`.
+
+    Where nothing nearer is looked for: `3.0 m or nearer`.
+    """
     digits = 2 if obstacle.sigma_distance_m < CENTIMETRES_BELOW_M else 1
+    if obstacle.bound:
+        return f"{obstacle.distance_m:.{digits}f} m or nearer"
     return f"{obstacle.distance_m:.{digits}f} +- {obstacle.sigma_distance_m:.{digits}f} m"
 
 
@@ -48,11 +55,13 @@ def unseen_text(obstacle: Obstacle) -> str:
 def moves(obstacle: Obstacle) -> bool:
     """Whether it is believed to be followed, and its speed surely is one."""
     track = obstacle.track
+    unnamed = obstacle.detection.name in UNNAMED
+    sigmas = SURELY_MOVES_UNNAMED if unnamed else SURELY_MOVES
     return (
         track is not None
         and track.state != "tentative"
         and math.isfinite(track.speed_m_s)
-        and track.speed_m_s > SURELY_MOVES * track.sigma_speed_m_s  # False for NaN
+        and track.speed_m_s > sigmas * track.sigma_speed_m_s  # False for NaN
     )
 
 

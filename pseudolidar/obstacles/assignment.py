@@ -9,11 +9,16 @@ import numpy as np
 from pseudolidar.obstacles.motion_filter import ASIDE, LASTING, PLACE, RIG, Belief, Place
 from pseudolidar.obstacles.movers import may_be_one
 from pseudolidar.obstacles.overlap import BoxPx, box_iou
+from pseudolidar.obstacles.placing import goes_on
+from pseudolidar.structures.obstacle import Obstacle
 
 # 99.9 % of the chi-squared distribution with 3 degrees of freedom.
 GATE = 16.27
 # A box that is where it was a moment ago may be farther off: that was a bad measurement, or is one.
 WIDE_GATE, SAME_IOU = 4.0 * GATE, 0.5
+# What is no surer than this share of its distance may be anywhere, as may what has no end: it is
+# the track whose box it has.
+VAGUE_SHARE, VAGUE_IOU = 0.2, 0.3
 # Cost of boxes that do not overlap, where they are a moment apart.
 APART_COST = 10.0
 # An assignment that the gate forbids.
@@ -23,7 +28,8 @@ FAR_SIGMAS = 8.1
 
 
 def assigned(
-    known: Sequence[tuple[str, Belief, BoxPx | None]], seen: Sequence[tuple[str, Place, BoxPx]]
+    known: Sequence[tuple[str, Belief, BoxPx | None]],
+    seen: Sequence[tuple[Obstacle, Place]],
 ) -> list[tuple[int, int]]:
     """Pairs of a track and a place, as many as the gate lets pass, at the least total cost.
 
@@ -33,7 +39,7 @@ def assigned(
     Args:
         known: class name and belief of each track at the time of the places, and its box in the
             picture of a moment before, if it was seen then.
-        seen: class name, place and box in the picture of each obstacle.
+        seen: each obstacle and its place.
     """
     from scipy.optimize import linear_sum_assignment
 
@@ -41,9 +47,11 @@ def assigned(
         return []
     cost = np.full((len(known), len(seen)), NEVER)
     for row, (name, belief, box_px) in enumerate(known):
-        for column, (other, place, other_px) in enumerate(seen):
-            if may_be_one(name, other) and _may_be_near(belief, place):
-                overlap = 1.0 if box_px is None else box_iou(box_px, other_px)
+        for column, (other, place) in enumerate(seen):
+            if may_be_one(name, other.detection.name) and _may_be_near(belief, place):
+                overlap = 1.0 if box_px is None else box_iou(box_px, other.detection.box_px)
+                if overlap < VAGUE_IOU and _is_vague(other):
+                    continue
                 _, distance, log_volume = belief.seen(place)
                 same_px = box_px is not None and overlap >= SAME_IOU
                 if distance <= (WIDE_GATE if same_px else GATE):
@@ -52,6 +60,11 @@ def assigned(
     rows, columns = linear_sum_assignment(cost)
     pairs = zip(rows.tolist(), columns.tolist(), strict=True)
     return [(row, column) for row, column in pairs if cost[row, column] < NEVER]
+
+
+def _is_vague(obstacle: Obstacle) -> bool:
+    unsure = obstacle.sigma_distance_m > VAGUE_SHARE * obstacle.distance_m
+    return unsure or obstacle.measured_by == "size" or goes_on(obstacle)
 
 
 def _may_be_near(belief: Belief, place: Place) -> bool:

@@ -22,9 +22,6 @@ LEAST_SIDE_M, LEAST_PIXELS = 0.15, 12
 THICK_M, THICK_SIGMAS = 0.3, 2.0
 # Points of a thing nearer than its front: this share.
 FRONT = 0.1
-# Depths end where the search for disparities does; a thing with such a share of its points within
-# so many px of there may be nearer than it is told.
-END_PX, END_SHARE = 2.0, 0.2
 # From this probability on a thing counts as too near: its distance less one sigma.
 STOP_CHANCE = 0.16
 # Pixels of a square with this side share their errors.
@@ -139,7 +136,6 @@ def nearest_ahead(sight: Sight, corridor: Corridor) -> Ahead | None:
     front = first + int(FRONT * counts[first])
     shared_m = sight.shared_per_depth_squared * float(z[front]) ** 2
     own = math.sqrt(max(float(sigma_m[front]) ** 2 - shared_m**2, 0.0))
-    at_end = z[thing] < sight.nearest_m * (1.0 + END_PX / max(sight.searched_px or 0, 1))
     independent = max(1.0, float(counts[first]) / PATCH_PX**2)
     x, y, _ = np.median(xyz[thing], axis=0)
     return Ahead(
@@ -148,7 +144,7 @@ def nearest_ahead(sight: Sight, corridor: Corridor) -> Ahead | None:
         int(counts[first]),
         float(x),
         float(-y),
-        bool(at_end.mean() > END_SHARE),
+        sight.may_be_nearer(z[thing]),
     )
 
 

@@ -15,7 +15,15 @@ from pseudolidar.obstacles.frustum import Frustum
 from pseudolidar.obstacles.height import Span, upright_span
 from pseudolidar.obstacles.level import level_axes, turned
 from pseudolidar.obstacles.patch import PatchDepth, patch_depth
-from pseudolidar.obstacles.plausible import BORDER_PX, EDGE_PX, by_footing, by_size, is_cut
+from pseudolidar.obstacles.plausible import (
+    BORDER_PX,
+    EDGE_PX,
+    Guess,
+    by_footing,
+    by_size,
+    is_cut,
+    runs_out_of_sight,
+)
 from pseudolidar.obstacles.separate import Owned, separated
 from pseudolidar.obstacles.sight import Sight
 from pseudolidar.obstacles.texture import row_texture
@@ -30,6 +38,8 @@ from pseudolidar.structures.pose import Pose
 FACE_ROUNDS, FACE_M = 1.5, 0.003
 # Something nearer fills this share of the box of what is occluded.
 OCCLUDED_SHARE = 0.1
+# How often what is left of such a thing is not the thing itself.
+MISTAKEN = 0.1
 # Pixels well inside of the box are used alone where there are so many.
 LEAST_INNER = 30
 # How well the edges of boxes lie that somebody drew around a flat thing, px.
@@ -53,7 +63,8 @@ def measured(sight: Sight, detections: Sequence[Detection]) -> tuple[Obstacle, .
 
 
 def _obstacle(sight: Sight, detection: Detection, owned: Owned, R: Float64) -> Obstacle:
-    truncated, occluded = is_cut(sight, detection), owned.hidden > OCCLUDED_SHARE
+    truncated = is_cut(sight, detection) or runs_out_of_sight(sight, detection)
+    occluded = owned.hidden > OCCLUDED_SHARE
     size = size_of_class(detection.name)
     contour = _contour(sight, _surest(owned.pixels), R, size) if len(owned.pixels) else None
     patch = None
@@ -66,12 +77,14 @@ def _obstacle(sight: Sight, detection: Detection, owned: Owned, R: Float64) -> O
         return replace(guess, truncated=truncated, occluded=occluded)
     footprint = fitted(contour, _edges(sight, detection, R), size, contour.near_m)
     span = upright_span(sight, detection, owned.pixels, footprint.nearest_m)
-    box = _box(footprint, span, R, _shared_m(sight, footprint.nearest_m))
+    doubt_m = _doubt_m(owned) if occluded else 0.0
+    shared_m = _shared_m(sight, footprint.nearest_m)
+    box = _box(footprint, span, R, float(np.hypot(shared_m, doubt_m)))
     distance_m, sigma_m = _distance(sight, box, footprint, size, patch)
     return Obstacle(
         detection=detection,
         distance_m=distance_m,
-        sigma_distance_m=sigma_m,
+        sigma_distance_m=float(np.hypot(sigma_m, doubt_m)),
         box=box,
         sigma_heading_rad=_sigma_heading(footprint),
         measured_by="points" if patch is None else "patch",
@@ -79,6 +92,7 @@ def _obstacle(sight: Sight, detection: Detection, owned: Owned, R: Float64) -> O
         truncated=truncated,
         occluded=occluded,
         sigma_shared_m=_shared_m(sight, distance_m),
+        bound=patch is None and sight.may_be_nearer(owned.pixels.depth_m),
         pixels=owned.pixels.pixels,
     )
 
@@ -204,16 +218,30 @@ def _sigma_heading(footprint: Footprint) -> float:
     return float(min(np.sqrt(footprint.covariance[2, 2]), np.pi / np.sqrt(12)))
 
 
-def _by_size(sight: Sight, detection: Detection, R: Float64) -> Obstacle:
-    """Where its size and its footing put it: for what has no points of its own."""
-    size = size_of_class(detection.name)
+def _doubt_m(owned: Owned) -> float:
+    """Error of a thing that something nearer hides: what is left of it may be what is behind.
+
+    Then it stands somewhere between the two: the less plausible its own place is, the surer.
+    """
+    mistaken = MISTAKEN / (MISTAKEN + float(np.exp(owned.log_plausible)))
+    return float(np.sqrt(mistaken) * owned.before_m)
+
+
+def _guessed(sight: Sight, detection: Detection) -> Guess:
+    """Where its size and its footing put it."""
     guesses = [by_size(sight, detection)]
     footing = by_footing(sight, detection)
-    if size.stands and footing is not None:
+    if size_of_class(detection.name).stands and footing is not None:
         guesses.append(footing)
     weights = np.array([guess.sigma_m**-2 for guess in guesses])
-    distance_m = float(weights @ [guess.depth_m for guess in guesses] / weights.sum())
-    sigma_m = float(weights.sum() ** -0.5)
+    depth_m = float(weights @ [guess.depth_m for guess in guesses] / weights.sum())
+    return Guess(depth_m, float(weights.sum() ** -0.5))
+
+
+def _by_size(sight: Sight, detection: Detection, R: Float64) -> Obstacle:
+    """Where its size and its footing put it: for what has no points of its own."""
+    size, guess = size_of_class(detection.name), _guessed(sight, detection)
+    distance_m, sigma_m = guess.depth_m, guess.sigma_m
     left, top, right, bottom = detection.box_px
     middle = _ray(sight, 0.5 * (left + right), 0.5 * (top + bottom))
     centre = middle * (distance_m + 0.5 * size.length_m[0])

@@ -25,7 +25,7 @@ PERSON = Mover("person", 1.5, 0.3)
 CYCLIST = Mover("person", 5.0, 0.8)
 FIXED = Mover("fixed", 0.3, 0.1)
 # What has no class that is known may be any thing.
-UNKNOWN = Mover("any", 8.0, 1.5)
+UNKNOWN = Mover("any", 3.0, 1.0)
 MOVERS: dict[str, Mover] = {
     **dict.fromkeys(("car", "van", "truck", "tram", "train", "bus", "motorcycle"), VEHICLE),
     **dict.fromkeys(("pedestrian", "person", "person_sitting"), PERSON),

@@ -9,6 +9,7 @@ import numpy as np
 
 from pseudolidar.geometry.frames import R_BODY_OPTICAL
 from pseudolidar.obstacles.motion_filter import Place, summed
+from pseudolidar.obstacles.movers import UNKNOWN, mover_of_class
 from pseudolidar.obstacles.overlap import BoxPx
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import LEFT_FRAME
@@ -24,6 +25,13 @@ LEAST_SIGMA_M = 0.05
 EDGES_SIGMA_M, EDGES_SIGMA_RAD = 0.1, 0.004
 # The middle of a thing of which a part may be hidden may be off by this share of its longest side.
 HIDDEN_SHARE = 0.1
+# What has no usual size ends elsewhere in every frame: its middle is off by this share of it.
+RAGGED_SHARE = 0.2
+# Of what has no usual size, as walls and hedges, the middle is that of what is seen of it, which
+# goes along with the camera where an end is not seen: nobody knows where it is along that, m.
+ENDS_M = 10.0
+# What has no usual size and is longer than this is mostly such a thing, m.
+LONG_M = 5.0
 # Boxes that are this close may hide a part of each other.
 BESIDE_PX = 4.0
 # No thing is matched better along the ray than this share of what the rig leaves.
@@ -73,6 +81,14 @@ def placed(
     else:
         hidden_m = HIDDEN_SHARE * max(obstacle.box.length_m, obstacle.box.width_m)
         aside_m = math.hypot(aside_m, hidden_m)
+    if mover_of_class(obstacle.detection.name) is UNKNOWN:
+        ragged_m = RAGGED_SHARE * max(obstacle.box.length_m, obstacle.box.width_m)
+        along_m, aside_m = math.hypot(along_m, ragged_m), math.hypot(aside_m, ragged_m)
+    if goes_on(obstacle):
+        longest = forward if obstacle.box.length_m > obstacle.box.width_m else _left_of(forward)
+        turned = math.atan2(longest[1], longest[0]) - math.atan2(ray[1], ray[0])
+        along_m = math.hypot(along_m, ENDS_M * math.cos(turned))
+        aside_m = math.hypot(aside_m, ENDS_M * math.sin(turned))
     shared_m = obstacle.sigma_shared_m
     least_m = max(LEAST_SIGMA_M, OWN_SHARE * shared_m)
     own_m = math.sqrt(max(along_m**2 - shared_m**2, least_m**2))
@@ -83,6 +99,13 @@ def placed(
         persistent,
         shared_m,
     )
+
+
+def goes_on(obstacle: Obstacle) -> bool:
+    """Whether it has no usual size, and it is long, or an end of it is not seen."""
+    long = max(obstacle.box.length_m, obstacle.box.width_m) > LONG_M
+    endless = long or obstacle.truncated or obstacle.occluded
+    return endless and mover_of_class(obstacle.detection.name) is UNKNOWN
 
 
 def _edges_seen(one: Obstacle, others: Sequence[Obstacle]) -> bool:
@@ -119,6 +142,10 @@ def _along_ray(forward: Float64, ray: Float64, sigma: Float64) -> tuple[float, f
     difference = min(max(told / (double**2 + ALONG_RAY_WEIGHT), -most), most)
     total = length + width
     return math.sqrt(0.5 * (total + difference)), math.sqrt(0.5 * (total - difference))
+
+
+def _left_of(forward: Float64) -> Float64:
+    return np.array([-forward[1], forward[0], 0.0])
 
 
 def _unit(vector: Float64) -> Float64:

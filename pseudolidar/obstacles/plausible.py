@@ -16,6 +16,9 @@ EDGE_PX, UNEVEN = 3.0, 0.05
 EDGE_SHARE = 0.05
 # An edge this close to the border of the picture is cut by it, px.
 BORDER_PX = 1.5
+# Beside a thing found by its points, from so many px on, this share of the pixels has a depth; else
+# it goes on where nothing is matched.
+RIM_PX, RIM_SEEN = 8, 0.02
 # Degrees of freedom of the long-tailed distribution that errors of such priors have.
 FREEDOM = 3.0
 
@@ -93,6 +96,19 @@ def is_cut(sight: Sight, detection: Detection) -> bool:
         or right >= width - 1 - BORDER_PX
         or bottom >= height - 1 - BORDER_PX
     )
+
+
+def runs_out_of_sight(sight: Sight, detection: Detection) -> bool:
+    """Whether what was found by its points ends where points do: nothing is seen beside it.
+
+    The left eye's picture has a rim that the right eye does not see, as wide as the disparity.
+    """
+    if detection.mask is None:
+        return False
+    left, top, right, bottom = (round(edge) for edge in detection.box_px)
+    valid = sight.depth.valid[max(0, top) : bottom + 1]
+    beside = valid[:, : max(0, left - RIM_PX)], valid[:, right + RIM_PX + 1 :]
+    return any(one.size == 0 or float(one.mean()) < RIM_SEEN for one in beside)
 
 
 def _seen_height_m(sight: Sight, detection: Detection, depth_m: float) -> float:

@@ -11,6 +11,7 @@ from pseudolidar.obstacles.class_sizes import size_of_class
 from pseudolidar.obstacles.frustum import Frustum, frustum_of
 from pseudolidar.obstacles.modes import depth_modes
 from pseudolidar.obstacles.plausible import log_plausible
+from pseudolidar.obstacles.riding import ride
 from pseudolidar.obstacles.sight import Sight
 from pseudolidar.structures.arrays import Int64, UInt8
 from pseudolidar.structures.box import Detection
@@ -41,11 +42,13 @@ class Owned:
         pixels: that show it; may be empty.
         hidden: share of the box that something nearer fills, 0-1.
         log_plausible: how well the depth fits size and footing; 0 is the best.
+        before_m: how far the thing stands behind what is nearer in its box; 0 where nothing is.
     """
 
     pixels: Frustum
     hidden: float
     log_plausible: float
+    before_m: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -62,21 +65,33 @@ class _Choice:
 
 
 def separated(sight: Sight, detections: Sequence[Detection]) -> tuple[Owned, ...]:
-    """The pixels of each detection, in their order; each pixel belongs to one at most.
+    """The pixels of each detection, in their order; each pixel belongs to one.
 
     Objects are settled from near to far, and what a nearer one owns is no longer looked at: so an
     occluder takes nothing from what it hides but its pixels. But what is mostly hidden would take
-    what hides it for itself: it waits for those that own its pixels with more right.
+    what hides it for itself: it waits for those that own its pixels with more right. Riders and
+    what they ride are at one depth: they may have the same pixels.
     """
     frustums = [frustum_of(sight, detection) for detection in detections]
     first = [_choice(sight, d, f) for d, f in zip(detections, frustums, strict=True)]
     taken = np.zeros(sight.depth.values.shape, np.uint8)
     owned: dict[int, Owned] = {}
     for number in _order(frustums, first):
-        free = _free(frustums[number], taken)
+        shared = [owned[other] for other in owned if ride(detections[number], detections[other])]
+        free = _free(frustums[number], _without(taken, shared))
         owned[number] = _owned(frustums[number], free, _choice(sight, detections[number], free))
         taken.flat[owned[number].pixels.pixels] = 1
     return tuple(owned[number] for number in range(len(detections)))
+
+
+def _without(taken: UInt8, shared: Sequence[Owned]) -> UInt8:
+    """(H, W) pixels that are taken, but for those of what one rides, or who rides it."""
+    if not shared:
+        return taken
+    others = taken.copy()
+    for one in shared:
+        others.flat[one.pixels.pixels] = 0
+    return others
 
 
 def _free(frustum: Frustum, taken: UInt8) -> Frustum:
@@ -105,7 +120,8 @@ def _owned(whole: Frustum, free: Frustum, choice: _Choice | None) -> Owned:
         return Owned(free[np.zeros(len(free), bool)], hidden, -np.inf)
     nearer = whole.depth_m < choice.from_m
     hidden = float(whole.weight[nearer].sum()) / whole.area
-    return Owned(choice.of(free), hidden, choice.log_plausible)
+    before_m = choice.begins_m - float(np.median(whole.depth_m[nearer])) if nearer.any() else 0.0
+    return Owned(choice.of(free), hidden, choice.log_plausible, before_m)
 
 
 def _order(frustums: Sequence[Frustum], first: Sequence[_Choice | None]) -> list[int]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from pseudolidar.errors import StructureError
 from pseudolidar.geometry.planes import Plane
-from pseudolidar.structures.arrays import Bool, Float32, Image, check_array
+from pseudolidar.structures.arrays import Bool, Float32, Float64, Image, check_array
 from pseudolidar.structures.box import Label
 from pseudolidar.structures.camera import LEFT_FRAME, Camera, StereoRig
 from pseudolidar.structures.disparity import DepthMap
@@ -18,6 +18,10 @@ from pseudolidar.structures.disparity import DepthMap
 # Sigma of depths that a source does not tell, as that of a disparity, px; and of one camera over
 # the square of the depth, 1/m (that of a good depth camera).
 UNTOLD_PX, UNTOLD_PER_DEPTH_SQUARED = 0.3, 0.002
+
+# Depths end where the search for disparities does, and grow sparse before: a thing with such a
+# share of its points in the last part of the range, a twelfth, may be nearer than it is told.
+END_OF_RANGE, END_SHARE = 1.0 / 12.0, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,3 +118,10 @@ class Sight:
         if self.searched_px is None or self.rig is None:
             return 0.0
         return self.rig.fB_px_m / max(self.searched_px + self.rig.doffs_px, 1e-3)
+
+    def may_be_nearer(self, depth_m: Float64) -> bool:
+        """Whether things with these depths (N,) stand where the search for disparities ends."""
+        if not len(depth_m):
+            return False
+        end_m = self.nearest_m / (1.0 - END_OF_RANGE)
+        return float((depth_m < end_m).mean()) > END_SHARE

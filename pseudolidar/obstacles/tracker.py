@@ -203,7 +203,7 @@ class Following:
         old = [one for one in self._pursued if one.confirmed is believed]
         for row, column in assigned(
             [(one.name, one.belief, self._box_of_late(one)) for one in old],
-            [(obstacles[i].detection.name, places[i], obstacles[i].detection.box_px) for i in left],
+            [(obstacles[i], places[i]) for i in left],
         ):
             index = left[column]
             one = old[row].again(obstacles[index], places[index], T, self._now_ns)

@@ -31,6 +31,7 @@ class Obstacle:
         occluded: something nearer hides part of it.
         sigma_shared_m: the part of the error of its distance that is the same in every frame: what
             the calibration of the rig leaves.
+        bound: it stands where the search for disparities ends, so that it may be nearer.
         pixels: (N,) int64 pixels that show it, as positions in the flat picture.
         track: identity and velocity, where it was followed.
     """
@@ -45,6 +46,7 @@ class Obstacle:
     truncated: bool = False
     occluded: bool = False
     sigma_shared_m: float = 0.0
+    bound: bool = False
     pixels: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))
     track: Track | None = None
 

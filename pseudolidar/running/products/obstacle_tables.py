@@ -20,7 +20,7 @@ COLUMNS: tuple[tuple[str, str, int | str | None], ...] = (
         for i, name in enumerate(("length", "width", "height"))
     ),
     *((name, name, None) for name in ("heading_rad", "sigma_heading_rad", "points", "confidence")),
-    *((name, name, None) for name in ("truncated", "occluded", "measured_by")),
+    *((name, name, None) for name in ("truncated", "occluded", "measured_by", "bound")),
     *((name, "box_px", i) for i, name in enumerate(("left", "top", "right", "bottom"))),
     *((f"sigma_{name}_m", "sigma_centre_m", i) for i, name in enumerate(CENTRE)),
     *((name, name, None) for name in ("track", "track_state", "unseen_s", "over_ground")),

@@ -129,6 +129,8 @@ def _notes(obstacle: Obstacle) -> list[str]:
     if obstacle.truncated:
         size = "that of its class" if usual else "a guess"
         notes.append(f"cut by the border of the picture: its size is {size}")
+    if obstacle.bound:
+        notes.append("it stands where the search ends and may be nearer: lower --min-depth")
     if obstacle.occluded:
         notes.append("something nearer hides part of it")
     return notes

@@ -273,4 +273,5 @@ def _how(obstacle: Obstacle) -> str:
     said = [speed_text(obstacle), unseen_text(obstacle)]
     said += ["by its size alone"] * (obstacle.measured_by == "size")
     said += ["cut by the border"] * obstacle.truncated + ["partly hidden"] * obstacle.occluded
+    said += ["or nearer"] * obstacle.bound
     return ", ".join(part for part in said if part) or NONE
