@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from pseudolidar.mapping.alignment import Alignment
-from pseudolidar.mapping.integrity import StepCheck
 from pseudolidar.structures.box import Detection
 from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.odometry import OdometryState
 from pseudolidar.structures.pose import Trajectory
+
+if TYPE_CHECKING:
+    from pseudolidar.mapping.alignment import Alignment
+    from pseudolidar.mapping.integrity import StepCheck
 
 
 @dataclass(frozen=True, eq=False)

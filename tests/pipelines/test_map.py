@@ -90,7 +90,9 @@ def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(mapped: Path, tmp_pat
     child.wait()
     done = {file: file.stat().st_mtime_ns for file in (tmp_path / ".work").glob("*.disparity")}
     assert main(["map", *WORLD, str(tmp_path), *command[-4:], "--keep-work"]) == 0
-    assert all(file.stat().st_mtime_ns == before for file, before in done.items())
+    # The last may have been written and not yet noted: then it is matched again.
+    again = [file for file, before in done.items() if file.stat().st_mtime_ns != before]
+    assert len(again) <= 1 < len(done)
     names = ["trajectory.tum", "trajectory_kitti.txt", "map.ply"]
     names += [str(tile.relative_to(mapped)) for tile in (mapped / "tiles").iterdir()]
     for name in names:
