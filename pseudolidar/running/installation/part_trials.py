@@ -173,14 +173,20 @@ def reports() -> str:
 
 
 def worlds() -> str:
-    """Load open3d and render a small picture with it."""
+    """Load open3d, render a small picture with it, and mesh a wall."""
     from pseudolidar.geometry.open3d_library import load_open3d
+    from pseudolidar.mapping.mesh import TsdfMesh
     from pseudolidar.sources.synthetic import Synthetic
 
     load_open3d()
     frame = Synthetic("street", frames=1, width_px=_WIDTH).open().load(0)
     _check(frame.truth is not None and bool(np.isfinite(frame.truth.values).any()), "no depth")
-    return "open3d loaded, a street rendered"
+    wall = np.full((_HEIGHT, _WIDTH), 4.0, np.float32)
+    grid = TsdfMesh().start(trial_frame().rig)
+    grid.integrate(wall, wall / 100, trial_frame().left, Pose.identity("map", "camera_left"))
+    middle_m = float(np.median(grid.extract().vertices[:, 2]))
+    _check(abs(middle_m - 4.0) < 0.01, f"a wall at {middle_m} m, want 4")
+    return "open3d loaded, a street rendered, a wall meshed"
 
 
 def processor() -> str:

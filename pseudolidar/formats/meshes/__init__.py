@@ -1,0 +1,1 @@
+"""Meshes on disk: PLY, glTF binary and Wavefront OBJ."""
