@@ -183,7 +183,8 @@ def worlds() -> str:
     _check(frame.truth is not None and bool(np.isfinite(frame.truth.values).any()), "no depth")
     wall = np.full((_HEIGHT, _WIDTH), 4.0, np.float32)
     grid = TsdfMesh().start(trial_frame().rig)
-    grid.integrate(wall, wall / 100, trial_frame().left, Pose.identity("map", "camera_left"))
+    grey = np.full((_HEIGHT, _WIDTH, 3), 100, np.uint8)
+    grid.integrate(wall, 0.01 * wall, grey, Pose.identity("map", "camera_left"))
     middle_m = float(np.median(grid.extract().vertices[:, 2]))
     _check(abs(middle_m - 4.0) < 0.01, f"a wall at {middle_m} m, want 4")
     return "open3d loaded, a street rendered, a wall meshed"
