@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import webbrowser
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,17 +16,20 @@ from pseudolidar.pipelines.convert import opened as opened_source
 from pseudolidar.clouds.ground_fit import GroundFit
 from pseudolidar.errors import ALL_DONE
 from pseudolidar.formats.rigs.rig_reading import RigUnit
-from pseudolidar.running.field_markers import RUN_ONLY, Recognised
+from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY
 from pseudolidar.running.matching import MatchFrame, Refining
-from pseudolidar.running.sighting import SMALL_THINGS_KEPT, SightFrame
-from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.running.sighting import SMALL_THINGS_KEPT, Seen, SightFrame
+from pseudolidar.sources.recognise import Source
 from pseudolidar.sources.selection import FrameSelection
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.sgbm import Bm, Sgbm
+from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.recorded import DepthFrame, Frame
 from pseudolidar.viewer.address import LOOPBACK, Address
 from pseudolidar.viewer.app import App
+from pseudolidar.viewer.opening import Opened, Opening
 from pseudolidar.viewer.reel import SourceReel
 
 # How often it is looked whether somebody asked it to end, s.
@@ -41,10 +45,12 @@ class View:
 
         pseudolidar view synthetic:street
         pseudolidar view KITTI/2011_09_26/2011_09_26_drive_0002_sync
-        pseudolidar view out/drive/pcd --no-browser --port 9000
+        pseudolidar view out/map.ply out/trajectory.tum
+        pseudolidar view out/drive --no-browser --port 9000
 
     Args:
-        source: pairs, depth, clouds, a recording, synthetic:NAME.
+        paths: several at once: sources (KITTI data, folders, videos, recordings, synthetic:NAME),
+            folders that a run wrote, files of clouds, trajectories.
         matcher: how disparities are found.
         clean: what is removed of them because it is no surface; `none` keeps all.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
@@ -55,7 +61,7 @@ class View:
         browser: open the page.
     """
 
-    source: Annotated[Source, Recognised(recognise)]
+    paths: Annotated[tuple[str, ...], POSITIONAL] = ()
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
     clean: Clean | None = field(default_factory=Clean)
     frames: FrameSelection | None = None
@@ -65,11 +71,10 @@ class View:
     host: Annotated[str, RUN_ONLY] = LOOPBACK
     browser: Annotated[bool, RUN_ONLY] = True
 
-    @property
-    def conversion(self) -> Convert:
-        """What `convert` would do."""
+    def conversion(self, source: Source) -> Convert:
+        """What `convert` would do with a source."""
         return Convert(
-            self.source,
+            source,
             matcher=self.matcher,
             clean=self.clean,
             frames=self.frames,
@@ -77,24 +82,36 @@ class View:
             rig_unit=self.rig_unit,
         )
 
+    def reel_of(self, source: Source) -> SourceReel:
+        """The frames of a source, made into clouds when they are looked at."""
+        job = self.conversion(source)
+        opened = opened_source(job)
+        return SourceReel(opened, ConvertFrame.of(job, opened).converted)
+
 
 def run(job: View) -> ViewReport:
     """Serve until somebody ends it: Ctrl-C, or the terminal that it runs in is closed.
 
     Raises:
+        SourceUnknown: a path is nothing that can be looked at.
         ServeError: the address cannot be had.
     """
-    source = opened_source(job.conversion)
-    convert = ConvertFrame.of(job.conversion, source)
-    reel = SourceReel(source, convert.converted)
-    small = MatchFrame.load(source, job.matcher, Refining(), SMALL_THINGS_KEPT)
-    sighted = SightFrame.of(small, GroundFit())
-    with App.served(Address(job.host, job.port), reel, sighted) as app:
+    opened = Opening(job.reel_of).all_of(job.paths)
+    with App.served(Address(job.host, job.port), opened, measuring(job, opened)) as app:
         print(app.url, file=sys.stderr, flush=True)  # noqa: T201 - printed at once, not at the end
         if job.browser:
             webbrowser.open(app.url)
         app.wait()
     return ViewReport()
+
+
+def measuring(job: View, opened: Opened) -> Callable[[Frame], Seen] | None:
+    """What things in pictures are measured by, as `measure` does; None where there are none."""
+    reel = opened.reels[0] if opened.reels else None
+    if not isinstance(reel, SourceReel) or reel.source.yields not in (StereoFrame, DepthFrame):
+        return None
+    match = MatchFrame.load(reel.source, job.matcher, Refining(), SMALL_THINGS_KEPT)
+    return SightFrame.of(match, GroundFit())
 
 
 @dataclass(frozen=True)

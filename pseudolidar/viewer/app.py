@@ -1,4 +1,4 @@
-"""The viewer as a whole: a server, a sequence, and its panels."""
+"""The viewer as a whole: a server, what is looked at, and its panels."""
 
 from __future__ import annotations
 
@@ -10,16 +10,20 @@ from typing import Self
 from pseudolidar.running.sighting import Seen
 from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.address import Address
+from pseudolidar.viewer.opening import Opened
+from pseudolidar.viewer.panels.help import HelpPanel
 from pseudolidar.viewer.panels.picture import PicturePanel
 from pseudolidar.viewer.panels.scene import ScenePanel
 from pseudolidar.viewer.panels.time import TimePanel
-from pseudolidar.viewer.reel import Reel
+from pseudolidar.viewer.reel import NoFrames
 from pseudolidar.viewer.server import GuardedServer, serve
 from pseudolidar.viewer.view import View
 
 TITLE = "pseudolidar"
 # Where a camera looks from at first: behind the rig, above it, ahead; m.
 FROM_M, AT_M = (-8.0, 0.0, 5.0), (12.0, 0.0, 0.0)
+# From where something that lies still is looked at, as a share of its size.
+FROM_SHARE = (-0.4, -0.2, 0.3)
 
 
 class App:
@@ -27,33 +31,47 @@ class App:
 
     Args:
         server: with its guard.
-        reel: what is looked at.
+        opened: what is looked at.
         sighted: a frame to what things in it are measured by; None where they cannot be.
     """
 
     def __init__(
-        self, server: GuardedServer, reel: Reel, sighted: Callable[[Frame], Seen] | None = None
+        self, server: GuardedServer, opened: Opened, sighted: Callable[[Frame], Seen] | None = None
     ) -> None:
+        reel = opened.reels[0] if opened.reels else NoFrames()
         self.view = View(server, reel)
-        camera = server.viser.initial_camera
-        camera.position, camera.look_at = FROM_M, AT_M
+        for still in opened.stills:
+            self.view.stage.put(still)
+        self._look_from()
         self.view.set_theme(dark=True)
-        self.time = TimePanel(self.view)
-        self.picture = PicturePanel(self.view, sighted)
+        if opened.reels:
+            self.time = TimePanel(self.view)
+            self.picture = PicturePanel(self.view, sighted)
         self.scene = ScenePanel(self.view)
+        self.help = HelpPanel(self.view, opened)
         self._ended = threading.Event()
+
+    def _look_from(self) -> None:
+        camera = self.view.server.viser.initial_camera
+        camera.position, camera.look_at = FROM_M, AT_M
+        extent = self.view.stage.extent_m
+        if extent is not None and isinstance(self.view.reel, NoFrames):
+            (x, y, z), size_m = extent
+            back, aside, up = (share * size_m for share in FROM_SHARE)
+            camera.position, camera.look_at = (x + back, y + aside, z + up), (x, y, z)
+            self.view.stage.show_axes(shown=False)
 
     @classmethod
     @contextlib.contextmanager
     def served(
-        cls, address: Address, reel: Reel, sighted: Callable[[Frame], Seen] | None = None
+        cls, address: Address, opened: Opened, sighted: Callable[[Frame], Seen] | None = None
     ) -> Iterator[Self]:
-        """Serve a sequence, and end with the block.
+        """Serve what was opened, and end with the block.
 
         Raises:
             ServeError: the address cannot be had.
         """
-        app = cls(serve(address, label=TITLE), reel, sighted)
+        app = cls(serve(address, label=TITLE), opened, sighted)
         app.view.start()
         try:
             yield app

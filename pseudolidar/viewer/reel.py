@@ -34,6 +34,23 @@ class Reel(Protocol):
 
 
 @dataclass(frozen=True)
+class NoFrames:
+    """Nothing that changes: one empty frame.
+
+    Args:
+        name: what is said of it.
+    """
+
+    name: str = ""
+    ids: Sequence[str] = ("",)
+    times_s: Sequence[float] = (0.0,)
+
+    def load(self, index: int) -> Moment:
+        """The empty frame."""
+        return Moment("", index)
+
+
+@dataclass(frozen=True)
 class SourceReel:
     """The frames of a source, made into clouds as `convert` does.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from pseudolidar.structures.box import BOX_EDGES, Box3D
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring, Scale
 from pseudolidar.viewer.moment import Moment, Sight
+from pseudolidar.viewer.stills import Still, StillCloud, middle_m
 from pseudolidar.viewer.thinned import thinned
 
 if TYPE_CHECKING:
@@ -27,6 +29,7 @@ MOST_POINTS = 150_000
 # Width of the photo in a camera's frustum, px, and how far ahead of the camera it stands, m.
 PHOTO_PX, FRUSTUM_M = 320, 1.5
 CAMERA_COLOUR = (240, 160, 30)
+PATH_COLOUR = (80, 200, 120)
 # The marked point, and the box that was measured.
 MARK_M, MARK_COLOUR, BOX_COLOUR = 0.12, (255, 80, 80), (255, 212, 59)
 
@@ -48,6 +51,10 @@ class Look:
     visible: bool = True
 
 
+# A map is drawn with more points than a frame, which are thinned to what browsers take.
+STILL_LOOK = Look(most_points=2_000_000)
+
+
 class Stage:
     """The scene of a server.
 
@@ -64,6 +71,8 @@ class Stage:
         self._map = self._scene.add_frame(MAP, show_axes=False)
         self._rig = self._scene.add_frame(RIG, axes_length=1.0, axes_radius=0.02)
         self._clouds: dict[str, Any] = {}
+        self._stills: dict[str, PointCloud] = {}
+        self._drawn_as: dict[str, Look] = {}
         self._camera: Any = None
         self._mark: Any = None
         self._box: Any = None
@@ -72,6 +81,49 @@ class Stage:
         self.looks: dict[str, Look] = {}
         self.follow = True
         self.shown: dict[str, PointCloud] = {}
+
+    def put(self, still: Still) -> None:
+        """Draw what does not change; it stays."""
+        if self._origin is None:
+            self._origin = middle_m(still)
+        if isinstance(still, StillCloud):
+            self._stills[still.name] = still.cloud
+            self._put_cloud(still.name)
+            return
+        places = (still.places_m - self._origin).astype(np.float32)
+        if len(places) > 1:
+            segments = np.stack([places[:-1], places[1:]], axis=1)
+            self._scene.add_line_segments(
+                f"{MAP}/{still.name}",
+                segments,
+                PATH_COLOUR,
+                thickness=3.0,
+                thickness_units="screen",
+            )
+
+    @property
+    def stills(self) -> Mapping[str, PointCloud]:
+        """Clouds that do not change, by name."""
+        return self._stills
+
+    @property
+    def extent_m(self) -> tuple[Float64, float] | None:
+        """(3,) middle of what lies still, in the scene, and how large it is; None without."""
+        clouds = [cloud.xyz for cloud in self._stills.values() if len(cloud)]
+        if not clouds or self._origin is None:
+            return None
+        low, high = (np.quantile(np.concatenate(clouds), share, axis=0) for share in (0.02, 0.98))
+        middle = 0.5 * (low + high) - self._origin
+        return np.asarray(middle), float(np.linalg.norm(high - low))
+
+    def _put_cloud(self, name: str) -> None:
+        cloud, look = self._stills[name], self.looks.get(name, STILL_LOOK)
+        look = replace(look, colouring=look.colouring.settled(cloud))
+        self.looks[name] = self._drawn_as[name] = look
+        drawn = thinned(cloud, look.most_points)
+        assert self._origin is not None
+        points = (drawn.xyz - self._origin).astype(np.float32)
+        self._update(name, f"{MAP}/{name}", points, look.colouring.colours(drawn), look)
 
     def look(self, name: str) -> Look:
         """How a cloud looks, by its name."""
@@ -86,8 +138,11 @@ class Stage:
             self._place(moment.T_map_forward)
             for name, cloud in moment.clouds.items():
                 self._draw_cloud(name, cloud)
-            for name in set(self._clouds) - set(moment.clouds):
+            for name in self._clouds.keys() - moment.clouds.keys() - self._stills.keys():
                 self._clouds[name].visible = False
+            for name in self._stills:
+                if self.looks.get(name) is not self._drawn_as.get(name):
+                    self._put_cloud(name)
             self._draw_camera(moment)
 
     def mark(self, xyz_m: Float64 | None) -> None:
@@ -135,7 +190,9 @@ class Stage:
 
     def in_map(self, T_map_forward: Float64 | None) -> Float64:
         """(4, 4) a pose relative to the first one shown."""
-        T = np.eye(4) if T_map_forward is None else T_map_forward.copy()
+        if T_map_forward is None:
+            return np.eye(4)
+        T = T_map_forward.copy()
         if self._origin is None:
             self._origin = T[:3, 3].copy()
         T[:3, 3] -= self._origin
@@ -156,10 +213,13 @@ class Stage:
         drawn = thinned(cloud, look.most_points)
         self.shown[name] = drawn
         points, colours = drawn.xyz.astype(np.float32), settled.colouring.colours(drawn)
+        self._update(name, f"{RIG}/{name}", points, colours, settled)
+
+    def _update(self, name: str, node: str, points: Float32, colours: UInt8, look: Look) -> None:
         handle = self._clouds.get(name)
         if handle is None:
             self._clouds[name] = self._scene.add_point_cloud(
-                f"{RIG}/{name}",
+                node,
                 points,
                 colours,
                 point_size=look.point_m,

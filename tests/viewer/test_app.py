@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -13,14 +14,17 @@ from playwright.sync_api import Frame as InnerPage
 from pseudolidar.pipelines.convert import Convert, ConvertFrame, opened
 
 from pseudolidar.clouds.ground_fit import GroundFit
+from pseudolidar.formats.points.ply import write_ply
 from pseudolidar.obstacles.measure import measured
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.sighting import SMALL_THINGS_KEPT, SightFrame
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.box import Detection
+from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.app import App
-from pseudolidar.viewer.reel import SourceReel
+from pseudolidar.viewer.opening import Opened, Opening
+from pseudolidar.viewer.reel import NoFrames, SourceReel
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +35,7 @@ def app() -> Iterator[App]:
         MatchFrame.load(source, job.matcher, Refining(), SMALL_THINGS_KEPT), GroundFit()
     )
     reel = SourceReel(source, ConvertFrame.of(job, source).converted)
-    with App.served(Address(port=0), reel, sighted) as served:
+    with App.served(Address(port=0), Opened((reel,)), sighted) as served:
         yield served
 
 
@@ -171,3 +175,28 @@ def pixels_of(picture: bytes) -> np.ndarray:
 def size_of(picture: bytes) -> tuple[int, int]:
     height, width = pixels_of(picture).shape[:2]
     return width, height
+
+
+def test_a_map_and_its_path_lie_still(tmp_path: Path, page: Page):
+
+    rng = np.random.default_rng(0)
+    far = np.array([4.5e5, 5.4e6, 100.0])
+    points = far + rng.uniform((-20, -20, 0), (20, 20, 5), (5000, 3))
+    rgb = rng.integers(0, 255, (5000, 3)).astype(np.uint8)
+    write_ply(tmp_path / "utm.ply", PointCloud(points, "map", rgb=rgb))
+    opened = Opening(lambda _source: NoFrames()).all_of([str(tmp_path / "utm.ply")])
+    with App.served(Address(port=0), opened) as served:
+        page.goto(served.url)
+        page.get_by_text("utm.ply", exact=True).wait_for(timeout=20_000)
+        page.wait_for_timeout(1000)
+        scene = pixels_of(page.screenshot())[100:, :800].reshape(-1, 3)
+    assert len(np.unique(scene // 32, axis=0)) > 30
+    drawn = served.view.stage._clouds["utm.ply"].points
+    assert np.abs(drawn).max() < 40
+    assert np.allclose(drawn - drawn[0], (points - points[0]).astype(np.float32), atol=1e-4)
+
+
+def test_an_empty_viewer_says_what_to_do(page: Page):
+    with App.served(Address(port=0), Opened()) as served:
+        page.goto(served.url)
+        page.get_by_text("Nothing is open.").wait_for(timeout=20_000)

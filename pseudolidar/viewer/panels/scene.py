@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring, ways
 from pseudolidar.viewer.controls import set_value
 from pseudolidar.viewer.moment import VELODYNE, Moment
@@ -44,6 +45,9 @@ class ScenePanel:
         axes.on_update(lambda _: view.stage.show_axes(shown=axes.value))
         grid.on_update(lambda _: setattr(self._grid, "visible", grid.value))
         dark.on_update(lambda _: view.set_theme(dark=dark.value))
+        for name, cloud in view.stage.stills.items():
+            self._add(name, cloud)
+            self._folders[name].show()
         view.on_shown(self._show)
 
     def _follow(self, *, following: bool) -> None:
@@ -53,9 +57,12 @@ class ScenePanel:
     def _show(self, moment: Moment) -> None:
         for name in moment.clouds:
             if name not in self._folders:
-                with self._clouds:
-                    self._folders[name] = CloudControls(self._view, name, moment)
+                self._add(name, moment.clouds[name])
             self._folders[name].show()
+
+    def _add(self, name: str, cloud: PointCloud) -> None:
+        with self._clouds:
+            self._folders[name] = CloudControls(self._view, name, cloud)
 
 
 class CloudControls:
@@ -64,13 +71,13 @@ class CloudControls:
     Args:
         view: what is looked at.
         name: of the cloud.
-        moment: the first that has it: says what its colours can mean.
+        cloud: says what its colours can mean.
     """
 
-    def __init__(self, view: View, name: str, moment: Moment) -> None:
+    def __init__(self, view: View, name: str, cloud: PointCloud) -> None:
         self._view, self._name = view, name
         gui, look = view.gui, view.stage.look(name)
-        possible = ways(moment.clouds[name])
+        possible = ways(cloud)
         chosen = look.colouring.by if look.colouring.by in possible else possible[-1]
         with gui.add_folder(name):
             self._visible = gui.add_checkbox("Shown", initial_value=look.visible)

@@ -34,7 +34,7 @@ class TimePanel:
             "Speed", tuple(_named(speed) for speed in SPEEDS), initial_value=NORMAL
         )
         self._loop = gui.add_checkbox("Loop", initial_value=True)
-        self._text = gui.add_markdown("")
+        self._text = gui.add_markdown("*The first frame is made ready ...*")
         self._frame.on_update(lambda _: self._scrub())
         self._buttons.on_click(lambda _: self._press(self._buttons.value))
         self._speed.on_update(lambda _: view.set_speed(float(self._speed.value.rstrip("x"))))

@@ -1,0 +1,117 @@
+"""What the paths are that somebody wants to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from pseudolidar.errors import PseudolidarError, SourceUnknown
+from pseudolidar.formats.points.cloud_file import is_cloud_file, read_cloud
+from pseudolidar.formats.trajectory_file import (
+    KITTI_VERTICAL,
+    POSE_SUFFIXES,
+    read_trajectory,
+    trajectory_form,
+)
+from pseudolidar.geometry.cloud_frames import turned_forward
+from pseudolidar.geometry.frames import R_BODY_OPTICAL
+from pseudolidar.sources.cloud_files import CloudFiles
+from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.recording.recording import Recording
+from pseudolidar.viewer.reel import Reel
+from pseudolidar.viewer.stills import Still, StillCloud, StillPath
+
+RUN_FILE = "run.json"
+# What `map` leaves, and the path in it: the map's own form of it, not the camera's.
+MAP_STEM, PATH_NAME = "map", "trajectory.tum"
+# Folders of clouds that `convert` writes, the one that keeps most first.
+CLOUD_FOLDERS = ("npz", "pcd", "ply", "bin")
+
+
+@dataclass(frozen=True)
+class Opened:
+    """What there is to look at.
+
+    Args:
+        reels: sequences.
+        stills: what does not change.
+    """
+
+    reels: tuple[Reel, ...] = ()
+    stills: tuple[Still, ...] = ()
+
+
+@dataclass
+class Opening:
+    """Opens path by path.
+
+    Args:
+        reel_of: a source to its sequence.
+    """
+
+    reel_of: Callable[[Source], Reel]
+    _reels: list[Reel] = field(default_factory=list)
+    _stills: list[Still] = field(default_factory=list)
+
+    def all_of(self, paths: Sequence[str]) -> Opened:
+        """Everything that the paths hold.
+
+        Raises:
+            SourceUnknown: one of them is nothing that can be looked at.
+            PseudolidarError: a file that cannot be read.
+        """
+        for path in paths:
+            self._open(path)
+        return Opened(tuple(self._reels), tuple(self._stills))
+
+    def _open(self, path: str) -> None:
+        place = Path(path)
+        if place.is_dir() and (place / RUN_FILE).is_file():
+            found = list(_of_run(place))
+            if not found:
+                raise SourceUnknown(
+                    "the folder of a run that left nothing to look at",
+                    want="clouds, a recording, or a map in it",
+                    path=path,
+                )
+            for part in found:
+                self._open(str(part))
+        elif place.is_file() and is_cloud_file(place):
+            cloud = turned_forward(read_cloud(place))
+            self._stills.append(StillCloud(place.name, cloud[cloud.valid]))
+        elif place.is_file() and _is_path(place):
+            self._stills.append(_path_of(place))
+        else:
+            self._reels.append(self.reel_of(recognise(path)))
+
+
+def _of_run(folder: Path) -> Iterator[Path]:
+    """What is to be looked at of a run's folder: its map and path, or its clouds or recording."""
+    maps = [file for file in sorted(folder.glob(f"{MAP_STEM}.*")) if is_cloud_file(file)]
+    yield from maps[:1]
+    if (folder / PATH_NAME).is_file():
+        yield folder / PATH_NAME
+    clouds = [folder / name for name in CLOUD_FOLDERS if CloudFiles.looks_like(folder / name)]
+    recordings = [file for file in sorted(folder.iterdir()) if Recording.looks_like(file)]
+    yield from (clouds or recordings)[:1]
+
+
+def _is_path(place: Path) -> bool:
+    if place.suffix.lower() not in POSE_SUFFIXES:
+        return False
+    try:
+        return trajectory_form(place) is not None
+    except PseudolidarError:
+        return False
+
+
+def _path_of(place: Path) -> StillPath:
+    """Places of a file of poses; KITTI's are turned from a camera's axes to x forward, z up."""
+    record = read_trajectory(place)
+    places = record.T_world_body[:, :3, 3]
+    if record.vertical == KITTI_VERTICAL:
+        places = places @ R_BODY_OPTICAL.T
+    return StillPath(place.name, np.ascontiguousarray(places))

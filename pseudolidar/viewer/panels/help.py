@@ -1,0 +1,55 @@
+"""What is open, which keys there are, and what to do where nothing is open."""
+
+from __future__ import annotations
+
+from pseudolidar.viewer.opening import Opened
+from pseudolidar.viewer.panels.time import escaped
+from pseudolidar.viewer.stills import StillCloud
+from pseudolidar.viewer.view import View
+
+KEYS = """
+| key | what it does |
+|---|---|
+| K | play, pause |
+| J, L | frame before, next frame |
+| H, E | first, last frame |
+| F | follow the rig, or stay with the map |
+
+Drag to turn, right-drag to move, scroll to come nearer. In the pictures: point at a pixel for its
+depth, drag a box to measure what is in it.
+"""
+EMPTY = """
+**Nothing is open.** End this (Ctrl-C in its terminal) and give it something to look at:
+
+    pseudolidar view synthetic:street
+    pseudolidar view KITTI/2011_09_26/2011_09_26_drive_0002_sync
+    pseudolidar view out/map.ply out/trajectory.tum
+    pseudolidar view out
+"""
+
+
+class HelpPanel:
+    """Folded, unless nothing is open.
+
+    Args:
+        view: what is looked at.
+        opened: what that is.
+    """
+
+    def __init__(self, view: View, opened: Opened) -> None:
+        empty = not opened.reels and not opened.stills
+        with view.gui.add_folder("Help", expand_by_default=empty):
+            view.gui.add_markdown(EMPTY if empty else f"{listed(opened)}\n{KEYS}")
+
+
+def listed(opened: Opened) -> str:
+    """What is open, a line each."""
+    lines = [f"- {escaped(reel.name)}: {len(reel.ids)} frames" for reel in opened.reels]
+    for still in opened.stills:
+        amount = (
+            f"{len(still.cloud):,} points"
+            if isinstance(still, StillCloud)
+            else f"a path of {still.length_m:.1f} m"
+        )
+        lines.append(f"- {escaped(still.name)}: {amount}")
+    return "\n".join(lines)

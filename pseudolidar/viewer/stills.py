@@ -1,0 +1,52 @@
+"""What does not change from frame to frame: clouds, maps, paths."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.cloud import PointCloud
+
+
+@dataclass(frozen=True, eq=False)
+class StillCloud:
+    """A cloud that lies still.
+
+    Args:
+        name: of the file.
+        cloud: x forward, y left, z up.
+    """
+
+    name: str
+    cloud: PointCloud
+
+
+@dataclass(frozen=True, eq=False)
+class StillPath:
+    """A path.
+
+    Args:
+        name: of the file.
+        places_m: (N, 3) float64.
+    """
+
+    name: str
+    places_m: Float64
+
+    @property
+    def length_m(self) -> float:
+        """From pose to pose."""
+        return float(np.linalg.norm(np.diff(self.places_m, axis=0), axis=1).sum())
+
+
+Still = StillCloud | StillPath
+
+
+def middle_m(still: Still) -> Float64:
+    """(3,) a place in it, for all numbers on the wire to be relative to."""
+    places = still.cloud.xyz if isinstance(still, StillCloud) else still.places_m
+    if not len(places):
+        return np.zeros(3)
+    return np.asarray(np.median(places, axis=0), np.float64)
