@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 from pseudolidar.clouds.ground_fit import GroundFit
-from pseudolidar.errors import ALL_DONE, SOME_SKIPPED
+from pseudolidar.errors import ALL_DONE, SOME_SKIPPED, UsageError
+from pseudolidar.formats.mcap.content import McapContent
 from pseudolidar.formats.rigs.rig_json import write_rig
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.mapping.odometry import Fused, Kiss, Vision
@@ -22,6 +23,7 @@ from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
 from pseudolidar.running.mapped.build import (
+    FRAME_FOLDER,
     TILE_FOLDER,
     WHOLE_NAME,
     MapSettings,
@@ -29,12 +31,17 @@ from pseudolidar.running.mapped.build import (
     written,
 )
 from pseudolidar.running.mapped.map_outputs import MapOutputs
+from pseudolidar.running.mapped.map_recording import plan_recording, write_recording
+from pseudolidar.running.mapped.odometry_film import ODOMETRY_FILM, OdometryFilm
 from pseudolidar.running.mapped.stored import WORK_FOLDER, MatchOnce
 from pseudolidar.running.mapped.trajectory_files import KITTI_NAME, TUM_NAME, write_trajectories
-from pseudolidar.running.mapped.walk import Walk
+from pseudolidar.running.mapped.walk import Piece, Walk
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.networks import networks_of
+from pseudolidar.running.preflight import preflight
+from pseudolidar.running.products.recording import RecordingPlan
+from pseudolidar.running.rehearsal import Rehearsal, rehearse
 from pseudolidar.running.reports.map_page import write_map_page
 from pseudolidar.running.reports.map_pictures import map_sections
 from pseudolidar.running.reports.map_report import MapReport, errors_of
@@ -54,6 +61,7 @@ from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
+from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.cloud import PointCloud
 
 RIG_NAME = "rig.json"
@@ -82,7 +90,13 @@ class Map:
     Args:
         source: pairs: KITTI data, folders, videos, a recording, synthetic:NAME, in order of time.
         out: folder for the results.
-        to: formats of the map, a comma list of pcd, ply, npz, bin, or `none` for the path alone.
+        to: formats of the map, a comma list of pcd, ply, npz, bin; mcap for a recording of frames
+            where they were taken, the way, and the map as it came into view; or `none` for the path
+            alone.
+        mcap: what the recording holds.
+        frame_clouds: formats of the points of each frame, in `map`: OUT/frames; `none` by default.
+        debug_video: make odometry.mp4 (H.264): the points that were followed with their ways, blue
+            those that agree and orange the others, who was asked about the step, disparities.
         odometry: vision alone; `kiss`, KISS-ICP on the scans of a LiDAR alone; or `fused`, vision
             whose every step is checked by the pictures and laid on KISS-ICP's map.
         map: how the map is made: --map.tiles.voxel 0.1 for a coarser one.
@@ -111,11 +125,15 @@ class Map:
         timeout: a frame that takes longer is skipped, s.
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
         overwrite: start anew, even where OUT holds a run with other settings.
+        dry_run: tell frames, the bytes and the time of matching, and free disk; write nothing.
     """
 
     source: Annotated[Source, Recognised(recognise)]
     out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out")
     to: MapOutputs = field(default_factory=MapOutputs)
+    mcap: McapContent = field(default_factory=McapContent)
+    frame_clouds: MapOutputs = field(default_factory=lambda: MapOutputs(()))
+    debug_video: bool = False
     odometry: Fused | Vision | Kiss = field(default_factory=Fused)
     map: MapSettings = field(default_factory=MapSettings)
     detector: AnyDetector | None = None
@@ -137,6 +155,16 @@ class Map:
     timeout: Annotated[float, RUN_ONLY] = FRAME_TIMEOUT_S
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
     overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+    dry_run: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+
+    def __post_init__(self) -> None:
+        if self.frame_clouds.recording:
+            raise UsageError(
+                "clouds of frames as mcap",
+                want="formats of clouds, or none",
+                fix="--to mcap is a recording of all frames.",
+                where="--frame-clouds",
+            )
 
     @property
     def crew(self) -> CrewPlan:
@@ -151,24 +179,29 @@ class Map:
     @property
     def products(self) -> tuple[str, ...]:
         """Files that belong to no single frame."""
-        maps = tuple(f"{WHOLE_NAME}.{kind}" for kind in self.to.kinds)
-        return (TUM_NAME, KITTI_NAME, RIG_NAME, *maps)
+        maps = tuple(f"{WHOLE_NAME}.{kind}" for kind in self.to.clouds)
+        film = (ODOMETRY_FILM,) if self.debug_video else ()
+        return (TUM_NAME, KITTI_NAME, RIG_NAME, *maps, *film)
+
+    @property
+    def folders(self) -> tuple[str, ...]:
+        """Folders that are written to."""
+        frames = (FRAME_FOLDER,) if self.frame_clouds.clouds else ()
+        return (WORK_FOLDER, TILE_FOLDER, *frames)
 
 
-def run(job: Map) -> MapReport:
-    """Match every frame, chain them in order; the path at the end."""
+def run(job: Map) -> MapReport | Rehearsal:
+    """Match every frame, chain them in order; then the map, along the path as known at the end."""
     source = opened(job)
     check_usable(job.out)
-    check_apart(
-        job.out,
-        paths_read(job.source),
-        (WORK_FOLDER, TILE_FOLDER, *job.products),
-        overwrite=job.overwrite,
-    )
     match_once = matcher_of(job, source)
-    with Run.open(
-        job.out, job, source, products=job.products, networks=networks_of(match_once)
-    ) as run:
+    if job.dry_run:
+        preflight(source, wanted=job.check, crew=job.crew, searching=job.searching)
+        return rehearse(source, match_once.product, folder=job.out, crew=job.crew).checked()
+    recording = plan_recording(job, source, wanted=job.to.recording)
+    products = (*recording.names, *job.products)
+    check_apart(job.out, paths_read(job.source), (*job.folders, *products), overwrite=job.overwrite)
+    with Run.open(job.out, job, source, products=products, networks=networks_of(match_once)) as run:
         known = run.committed
         run.check(
             wanted=job.check and len(known) < len(source.ids),
@@ -176,29 +209,27 @@ def run(job: Map) -> MapReport:
             searching=job.searching,
         )
         walk, begun_s = Walk(job.odometry.start(source.rig), source.rig), time.monotonic()
+        film = OdometryFilm(job.out) if job.debug_video else None
         match_once = replace(match_once, known=known)
         outcomes = stream(source, match_once, crew=job.crew, in_flight=run.in_flight)
         for frame in run.good(outcomes, again=len(known)):
             matched = frame.value
-            walk.step(matched.frame, matched.disparity, matched.movable)
+            registered = walk.step(matched.frame, matched.disparity, matched.movable)
             if frame.id not in known:
                 run.commit(Done(frame.id, frame.index, matched.product, frame.cpu_s))
+            if film is not None:
+                film.add(matched, registered)
         seconds = time.monotonic() - begun_s
         pieces = walk.pieces()
-        files = write_trajectories(job.out, pieces, source.rig)
         rig = source.rig.with_correction(walk.correction or source.rig.correction)
-        if walk.correction is not None:
-            write_rig(job.out / RIG_NAME, rig)
-            files = (*files, job.out / RIG_NAME)
-        figures: Mapping[str, Any] = {}
-        whole: PointCloud | None = None
-        if pieces and job.to.kinds:
-            builder = built(job.out, source, pieces[0], rig, job.map)
-            written_files, figures, whole = written(job.out, builder, job.to.kinds)
-            files = (*files, *written_files)
+        files = path_files(job, walk, pieces, rig)
+        if film is not None:
+            files = (*files, film.finish(run, source))
+        made = mapped(job, source, pieces, rig, recording)
     if not job.keep_work and run.result().exit_code in (ALL_DONE, SOME_SKIPPED):
         shutil.rmtree(job.out / WORK_FOLDER, ignore_errors=True)
     frames = len(walk.placed)
+    files = (*files, *made.files)
     report = MapReport(
         run.result(),
         job.out,
@@ -207,12 +238,66 @@ def run(job: Map) -> MapReport:
         errors_of(pieces),
         seconds / frames if frames else None,
         files,
-        figures,
+        made.figures,
     )
     page = write_map_page(
-        report, source.rig, settings=chosen(job), more=map_sections(whole, pieces, source.rig)
+        report, source.rig, settings=chosen(job), more=map_sections(made.whole, pieces, source.rig)
     )
     return replace(report, files=(*files, page))
+
+
+def path_files(job: Map, walk: Walk, pieces: Sequence[Piece], rig: StereoRig) -> tuple[Path, ...]:
+    """Write the path, and the rig with what its motion told of it."""
+    files = write_trajectories(job.out, pieces, rig)
+    if walk.correction is None:
+        return files
+    write_rig(job.out / RIG_NAME, rig)
+    return (*files, job.out / RIG_NAME)
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """What was made along the path.
+
+    Args:
+        files: what there is to open.
+        figures: of the map.
+        whole: the map, where it is not too large.
+    """
+
+    files: tuple[Path, ...] = ()
+    figures: Mapping[str, Any] = field(default_factory=dict)
+    whole: PointCloud | None = None
+
+
+def mapped(
+    job: Map,
+    source: FrameSource,
+    pieces: Sequence[Piece],
+    rig: StereoRig,
+    recording: RecordingPlan,
+) -> Made:
+    """The map of the longest piece of path, and its recording; nothing where none is wanted."""
+    if not pieces or not (job.to.kinds or job.frame_clouds.clouds):
+        return Made()
+    kinds = job.frame_clouds.clouds
+    builder = built(job.out, source, pieces[0], rig, job.map, frame_kinds=kinds)
+    files, figures, whole = written(job.out, builder, job.to.clouds)
+    if kinds:
+        files = (*files, job.out / FRAME_FOLDER)
+    if job.to.recording:
+        recorded = write_recording(
+            job.out,
+            source,
+            pieces[0],
+            rig,
+            whole,
+            plan=recording,
+            content=job.mcap,
+            crew=job.crew,
+        )
+        files = (*files, *recorded)
+    return Made(files, figures, whole)
 
 
 def matcher_of(job: Map, source: FrameSource) -> MatchOnce:

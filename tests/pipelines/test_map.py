@@ -10,16 +10,22 @@ import sys
 import time
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
+from scipy.spatial import cKDTree
 
 from pseudolidar.cli import main
+from pseudolidar.formats.points.npz import read_npz
 from pseudolidar.formats.points.ply import read_ply
 from pseudolidar.formats.trajectory import read_kitti_poses
 from pseudolidar.formats.tum import read_tum_trajectory
 
 # Small pictures that still hold some hundred tracks.
 WORLD = ["synthetic:street", "--source.frames", "5", "--source.width-px", "480"]
+MADE = ["--to", "ply,mcap", "--frame-clouds", "npz", "--debug-video", "--map.points.sigma", "0.3"]
 
 
 def run_map(out: Path, *more: str) -> int:
@@ -29,12 +35,12 @@ def run_map(out: Path, *more: str) -> int:
 @pytest.fixture(scope="module")
 def mapped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("mapped")
-    assert run_map(out, "--to", "ply", "--keep-work", "--map.points.sigma", "0.3") == 0
+    assert run_map(out, *MADE, "--keep-work") == 0
     return out
 
 
 def test_the_path_is_where_the_world_says(mapped: Path, capsys: pytest.CaptureFixture[str]):
-    assert run_map(mapped, "--to", "ply", "--map.points.sigma", "0.3", "--keep-work", "--json") == 0
+    assert run_map(mapped, *MADE, "--keep-work", "--json") == 0
     told = json.loads(capsys.readouterr().out)
     path = told["trajectory"]
     assert path["frames"] == 5
@@ -77,9 +83,50 @@ def test_the_page_shows_the_path_and_the_map(mapped: Path):
     assert page.count("<img") >= 6
 
 
+def test_the_recording_has_the_way_and_what_came_into_view(mapped: Path):
+    with (mapped / "street.mcap").open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        read = [(c.topic, m) for _, c, _, m in reader.iter_decoded_messages()]
+    found = {topic: [m for t, m in read if t == topic] for topic, _ in read}
+    _, bodies = read_tum_trajectory(mapped / "trajectory.tum")
+    places = [(p.pose.position.x, p.pose.position.y) for p in found["/pose"]]
+    assert np.allclose(places, bodies[:, :2, 3], atol=1e-9)
+    assert [len(path.poses) for path in found["/path"]] == [1, 2, 3, 4, 5]
+    sizes = [len(m.data) // m.point_stride for m in found["/map/points"]]
+    assert sizes == sorted(sizes)
+    assert sizes[-1] == len(read_ply(mapped / "map.ply"))
+    assert len(found["/stereo/points"]) == 5
+
+
+def test_clouds_of_frames_lie_on_the_map(mapped: Path):
+    whole = read_ply(mapped / "map.ply")
+    clouds = [read_npz(file) for file in sorted((mapped / "frames").iterdir())]
+    assert [cloud.frame for cloud in clouds] == ["map"] * len(clouds)
+    apart, _ = cKDTree(whole.xyz).query(clouds[-1].xyz[::50])
+    assert np.median(apart) < 0.1
+
+
+def test_the_film_shows_every_frame(mapped: Path):
+    with av.open(str(mapped / "odometry.mp4")) as film:
+        pictures = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+    assert len(pictures) == 5
+    # Points that agree are blue; the first frame has none.
+    blue = [(p[20:140].astype(int) @ (-1, 0, 1) > 80).sum() for p in pictures]
+    assert blue[0] == 0
+    assert min(blue[1:]) > 100
+
+
+def test_a_dry_run_tells_and_writes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert run_map(tmp_path / "out", "--dry-run", "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["frames"] == 5
+    assert told["bytes"] > 0
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(mapped: Path, tmp_path: Path):
     command = [sys.executable, "-m", "pseudolidar.cli", "map", *WORLD, str(tmp_path)]
-    command += ["--to", "ply", "--map.points.sigma", "0.3"]
+    command += MADE
     child = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
     end = time.monotonic() + 60
     while len(list((tmp_path / ".work").glob("*.disparity"))) < 2:
@@ -89,11 +136,12 @@ def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(mapped: Path, tmp_pat
     os.kill(child.pid, signal.SIGKILL)
     child.wait()
     done = {file: file.stat().st_mtime_ns for file in (tmp_path / ".work").glob("*.disparity")}
-    assert main(["map", *WORLD, str(tmp_path), *command[-4:], "--keep-work"]) == 0
+    assert main(["map", *WORLD, str(tmp_path), *MADE, "--keep-work"]) == 0
     # The last may have been written and not yet noted: then it is matched again.
     again = [file for file, before in done.items() if file.stat().st_mtime_ns != before]
     assert len(again) <= 1 < len(done)
-    names = ["trajectory.tum", "trajectory_kitti.txt", "map.ply"]
+    names = ["trajectory.tum", "trajectory_kitti.txt", "map.ply", "street.mcap", "odometry.mp4"]
+    names += [str(cloud.relative_to(mapped)) for cloud in (mapped / "frames").iterdir()]
     names += [str(tile.relative_to(mapped)) for tile in (mapped / "tiles").iterdir()]
     for name in names:
         assert (mapped / name).read_bytes() == (tmp_path / name).read_bytes(), name
@@ -109,3 +157,5 @@ def test_the_path_alone(tmp_path: Path):
 def test_formats_that_are_none_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert run_map(tmp_path, "--to", "obj") == 2
     assert "ply, pcd, npz, bin" in capsys.readouterr().err
+    assert run_map(tmp_path, "--frame-clouds", "mcap") == 2
+    assert "--frame-clouds" in capsys.readouterr().err

@@ -78,6 +78,11 @@ def foxglove_facts(schema: str, content: Any) -> Iterator[Fact]:
             yield EncodedImage(content.format, content.data)
         case "foxglove.CameraCalibration":
             yield CameraNumbers(tuple(content.K), tuple(content.R), tuple(content.P))
+        case "foxglove.PoseInFrame":
+            yield _rotation(content.pose.orientation)
+        case "foxglove.PosesInFrame":
+            for pose in content.poses:
+                yield _rotation(pose.orientation)
         case "foxglove.SceneUpdate":
             for entity in content.entities:
                 yield Used(entity.frame_id)

@@ -75,6 +75,10 @@ def _content(schema: str, content: Any) -> Iterator[Fact]:
             yield _rotation(content.pose.orientation)
         case "nav_msgs/msg/Odometry":
             yield _rotation(content.pose.pose.orientation)
+        case "nav_msgs/msg/Path":
+            for placed in content.poses:
+                yield Used(placed.header.frame_id)  # stamps are those of earlier frames
+                yield _rotation(placed.pose.orientation)
 
 
 def _image(image: Any) -> ImageLayout:

@@ -10,6 +10,9 @@ from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+from foxglove_schemas_protobuf.Pose_pb2 import Pose as PoseMessage
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
@@ -24,6 +27,7 @@ from pseudolidar.formats.mcap.items import (
     Picture,
     Raster,
     Transforms,
+    Way,
 )
 from pseudolidar.formats.mcap.obstacle_scene import annotations_message, obstacles_message
 from pseudolidar.formats.mcap.points import points_message
@@ -39,6 +43,7 @@ from pseudolidar.formats.mcap.records import Parts
 from pseudolidar.formats.mcap.scene import labels_message
 from pseudolidar.formats.points.draco import DRACO_MEANING
 from pseudolidar.geometry.quaternion import quaternion_wxyz
+from pseudolidar.structures.pose import Pose as FramePose
 
 
 def log_message(note: Note, timestamp_ns: int) -> Parts:
@@ -60,6 +65,29 @@ def transforms_message(tree: Transforms, timestamp_ns: int) -> Parts | None:
         rotation = transform.rotation
         rotation.x, rotation.y, rotation.z, rotation.w = qx, qy, qz, qw
     return serialised(message)
+
+
+def pose_message(pose: FramePose, timestamp_ns: int) -> Parts:
+    """Where the body is."""
+    message = PoseInFrame(frame_id=pose.dst)
+    set_stamp(message.timestamp, timestamp_ns)
+    _set_pose(message.pose, pose)
+    return serialised(message)
+
+
+def path_message(way: Way, timestamp_ns: int) -> Parts:
+    """Where the body was until now; Foxglove's poses have no times of their own."""
+    message = PosesInFrame(frame_id=way.poses[0].dst)
+    set_stamp(message.timestamp, timestamp_ns)
+    for pose in way.poses:
+        _set_pose(message.poses.add(), pose)
+    return serialised(message)
+
+
+def _set_pose(target: PoseMessage, pose: FramePose) -> None:
+    place, turn = target.position, target.orientation
+    place.x, place.y, place.z = pose.translation_m
+    turn.w, turn.x, turn.y, turn.z = quaternion_wxyz(pose.matrix[:3, :3])
 
 
 def calibration_message(model: CameraModel, timestamp_ns: int) -> Parts:
@@ -117,6 +145,8 @@ CLOUD = schema_of(PointCloud)
 SCENE = schema_of(SceneUpdate)
 ANNOTATIONS = schema_of(ImageAnnotations)
 PACKED_CLOUD = schema_of(CompressedPointCloud)
+POSE = schema_of(PoseInFrame)
+POSES = schema_of(PosesInFrame)
 
 DEPTH, CAMERA_DEPTH = meanings.DEPTH_MEANING, meanings.CAMERA_DEPTH_MEANING
 CLOUDS = meanings.POINTS_MEANING
@@ -163,5 +193,8 @@ FOXGLOVE = Profile(
         Topic(names.OBSTACLES, Kind.OBSTACLES, SCENE, obstacles_message),
         Topic("/camera/left/annotations", Kind.OBSTACLES_SEEN, ANNOTATIONS, annotations_message),
         Topic(names.OBSTACLE_EDGES, Kind.OBSTACLE_EDGES, CLOUD, points_message),
+        Topic(names.POSE, Kind.POSE, POSE, pose_message),
+        Topic(names.PATH, Kind.PATH, POSES, path_message),
+        Topic(names.MAP_POINTS, Kind.MAP_POINTS, CLOUD, points_message, CLOUDS),
     ),
 )

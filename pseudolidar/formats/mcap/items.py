@@ -42,6 +42,8 @@ class Kind(enum.Enum):
     OBSTACLES = "obstacles in space"
     OBSTACLES_SEEN = "obstacles in the left image"
     OBSTACLE_EDGES = "edges of the boxes of obstacles"
+    PATH = "way of the body"
+    MAP_POINTS = "points of the map"
 
 
 @dataclass(frozen=True)
@@ -185,6 +187,19 @@ class Obstacles:
     frame: str
 
 
+@dataclass(frozen=True, eq=False)
+class Way:
+    """Where a body was, from the beginning of its path on.
+
+    Args:
+        poses: `T_map_base_link`, in order of time.
+        stamps_ns: when, one for each.
+    """
+
+    poses: tuple[Pose, ...]
+    stamps_ns: tuple[int, ...]
+
+
 Content: TypeAlias = (
     Note
     | Transforms
@@ -196,6 +211,7 @@ Content: TypeAlias = (
     | Points
     | Boxes
     | Obstacles
+    | Way
 )
 
 

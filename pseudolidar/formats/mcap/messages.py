@@ -22,6 +22,7 @@ from pseudolidar.formats.mcap.items import (
     Points,
     Raster,
     Transforms,
+    Way,
 )
 from pseudolidar.formats.mcap.obstacle_edges import edge_points
 from pseudolidar.formats.mcap.profile import Profile
@@ -151,6 +152,28 @@ def obstacle_messages(
         content: how to write.
     """
     return _encoded(_obstacles(obstacles, frame), content, timestamp_ns)
+
+
+def path_messages(
+    way: Way,
+    map_points: PointCloud | None,
+    *,
+    timestamp_ns: int,
+    content: McapContent = DEFAULT_CONTENT,
+) -> tuple[LogMessage, ...]:
+    """The way until a frame, and what there is of the map by then.
+
+    Args:
+        way: until then.
+        map_points: in the way's frame; None for none.
+        timestamp_ns: of the frame.
+        content: how to write.
+    """
+    items = [Item(Kind.PATH, way)]
+    if map_points is not None and len(map_points):
+        columns = cloud_columns(map_points, pixels=False, holes=False, exact=True)
+        items.append(Item(Kind.MAP_POINTS, Points(columns, map_points.frame)))
+    return _encoded(items, content, timestamp_ns)
 
 
 def _encoded(

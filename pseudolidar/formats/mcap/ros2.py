@@ -18,6 +18,7 @@ from pseudolidar.formats.ros.ros2_messages import (
     markers_message,
     moving_message,
     odometry_message,
+    path_message,
     picture_message,
     points_message,
     pose_message,
@@ -75,6 +76,7 @@ DISPARITY = _schema("stereo_msgs/DisparityImage")
 CLOUD = _schema("sensor_msgs/PointCloud2")
 ODOMETRY = _schema("nav_msgs/Odometry")
 POSE = _schema("geometry_msgs/PoseStamped")
+PATH = _schema("nav_msgs/Path")
 MARKERS = _schema("visualization_msgs/MarkerArray")
 DETECTIONS = _schema("vision_msgs/Detection3DArray")
 
@@ -83,6 +85,7 @@ OFFERED = {QOS: qos_profile()}
 LATCHED = {QOS: qos_profile(transient_local=True)}
 DEPTH = OFFERED | meanings.DEPTH_MEANING
 CAMERA_DEPTH = OFFERED | meanings.CAMERA_DEPTH_MEANING
+MAP = LATCHED | meanings.POINTS_MEANING
 CLOUDS = OFFERED | meanings.POINTS_MEANING
 SCAN = OFFERED | meanings.SCAN_MEANING | {"time": "seconds of the point from the stamp"}
 DISPARITIES = OFFERED | {
@@ -103,7 +106,7 @@ ROS2 = Profile(
         Topic(names.TRANSFORMS, Kind.TRANSFORMS, TF, moving_message, OFFERED),
         Topic("/tf_static", Kind.TRANSFORMS, TF, fixed_message, LATCHED),
         Topic("/odometry", Kind.POSE, ODOMETRY, odometry_message, OFFERED),
-        Topic("/pose", Kind.POSE, POSE, pose_message, OFFERED),
+        Topic(names.POSE, Kind.POSE, POSE, pose_message, OFFERED),
         Topic("/camera/left/image/compressed", Kind.LEFT_IMAGE, PICTURE, picture_message, OFFERED),
         Topic("/camera/left/camera_info", Kind.LEFT_CAMERA, CAMERA, camera_message, OFFERED),
         Topic(
@@ -137,5 +140,7 @@ ROS2 = Profile(
             OFFERED,
         ),
         Topic(names.OBSTACLE_EDGES, Kind.OBSTACLE_EDGES, CLOUD, points_message, OFFERED),
+        Topic(names.PATH, Kind.PATH, PATH, path_message, LATCHED),
+        Topic(names.MAP_POINTS, Kind.MAP_POINTS, CLOUD, points_message, MAP),
     ),
 )

@@ -22,9 +22,10 @@ CLOUDS = frozenset(
         Kind.LABELS,
         Kind.OBSTACLES,
         Kind.OBSTACLE_EDGES,
+        Kind.MAP_POINTS,
     }
 )
-EVERYWHERE = frozenset({Kind.MARK, Kind.NOTE, Kind.TRANSFORMS, Kind.POSE})
+EVERYWHERE = frozenset({Kind.MARK, Kind.NOTE, Kind.TRANSFORMS, Kind.POSE, Kind.PATH})
 # The one file of a recording that is not split has no ending to its name.
 WHOLE = ""
 

@@ -33,6 +33,7 @@ DEFINITIONS = {
         "geometry_msgs/PoseWithCovariance pose\n"
         "geometry_msgs/TwistWithCovariance twist"
     ),
+    "nav_msgs/Path": "std_msgs/Header header\ngeometry_msgs/PoseStamped[] poses",
     "rcl_interfaces/Log": (
         "builtin_interfaces/Time stamp\n"
         "uint8 level\n"

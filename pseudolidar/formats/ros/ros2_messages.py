@@ -17,6 +17,7 @@ from pseudolidar.formats.mcap.items import (
     Points,
     Raster,
     Transforms,
+    Way,
 )
 from pseudolidar.formats.mcap.records import Parts
 from pseudolidar.formats.mcap.scene import BOX_COLOUR, TEXT_COLOUR
@@ -97,6 +98,16 @@ def pose_message(pose: Pose, time_ns: int) -> Parts:
     """Where the body is."""
     values = {"header": header(pose.dst, time_ns), "pose": ros_pose(pose)}
     return encode_ros2("geometry_msgs/PoseStamped", values)
+
+
+def path_message(way: Way, time_ns: int) -> Parts:
+    """Where the body was until now."""
+    poses = [
+        {"header": header(pose.dst, stamp_ns), "pose": ros_pose(pose)}
+        for pose, stamp_ns in zip(way.poses, way.stamps_ns, strict=True)
+    ]
+    values = {"header": header(way.poses[0].dst, time_ns), "poses": poses}
+    return encode_ros2("nav_msgs/Path", values)
 
 
 def camera_message(model: CameraModel, time_ns: int) -> Parts:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 from pseudolidar.geometry.frames import MAP, left_in_base_link
 from pseudolidar.mapping.free_space import FreeSpace
 from pseudolidar.mapping.fusion import TemporalFusion
-from pseudolidar.mapping.map_points import MapPoints
+from pseudolidar.mapping.map_points import FramePoints, MapPoints
 from pseudolidar.mapping.tiles import MapTiles, TileStore
 from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import CrewPlan
@@ -30,7 +30,7 @@ from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 
-TILE_FOLDER, WHOLE_NAME = "tiles", "map"
+TILE_FOLDER, WHOLE_NAME, FRAME_FOLDER = "tiles", "map", "frames"
 SUMS_FOLDER, FREE_NAME = "sums", "free_space"
 # Larger maps are in tiles only, points.
 MOST_IN_ONE_FILE = 50_000_000
@@ -90,13 +90,16 @@ class MapBuilder:
         self._tiles: TileStore = settings.tiles.start(sums, MAP)
         self._free = FreeSpace(work / FREE_NAME, rig)
 
-    def add(self, frame: StereoFrame, disparity: DisparityMap, T_odom_camera: Float64) -> None:
-        """A frame, where it was taken."""
+    def add(
+        self, frame: StereoFrame, disparity: DisparityMap, T_odom_camera: Float64
+    ) -> PointCloud:
+        """A frame, where it was taken; its points in the map."""
         T_map_camera = self._T_base_left @ T_odom_camera
         fused = self._fusion.add(disparity, self._rig, T_map_camera)
         points = self._settings.points.of(fused, colours_of(frame))
         self._tiles.add(points, T_map_camera)
         self._free.add(fused.depth_m, T_map_camera)
+        return cloud_of(points, T_map_camera, frame.timestamp_ns)
 
     def clouds(self) -> Iterator[tuple[tuple[int, int], PointCloud]]:
         """The tiles of the map."""
@@ -105,7 +108,13 @@ class MapBuilder:
 
 
 def built(
-    folder: Path, source: FrameSource, piece: Piece, rig: StereoRig, settings: MapSettings
+    folder: Path,
+    source: FrameSource,
+    piece: Piece,
+    rig: StereoRig,
+    settings: MapSettings,
+    *,
+    frame_kinds: Sequence[str] = (),
 ) -> MapBuilder:
     """All frames of a piece of path, put together.
 
@@ -115,15 +124,24 @@ def built(
         piece: where they were taken.
         rig: with the correction that motion told.
         settings: how.
+        frame_kinds: formats in which the points of each frame are written too, in the map.
+
+    Raises:
+        OutputError: the disk is full or gone.
     """
     builder = MapBuilder(folder, rig, settings)
+    clouds_folder = folder / FRAME_FOLDER
+    if frame_kinds:
+        clouds_folder.mkdir(exist_ok=True)
     poses = {one.id: T for one, T in zip(piece.frames, piece.T_odom_camera, strict=True)}
     others = frozenset(source.ids) - poses.keys()
     outcomes = stream(source, Restored(folder), crew=CrewPlan(1), skip=others)
     with FrameProgress(len(poses)) as progress:
         for outcome in outcomes:
             if isinstance(outcome, Done):
-                builder.add(*outcome.value, poses[outcome.id])
+                cloud = builder.add(*outcome.value, poses[outcome.id])
+                for kind in frame_kinds if len(cloud) else ():
+                    write_cloud(clouds_folder / f"{outcome.id}.{kind}", cloud)
             progress.advance()
     return builder
 
@@ -168,6 +186,20 @@ def written(
     assert whole.sigma_m is not None
     figures["sigma_m_median"] = float(np.median(whole.sigma_m))
     return (*files, tiles_folder), figures, whole
+
+
+def cloud_of(points: FramePoints, T_map_camera: Float64, timestamp_ns: int) -> PointCloud:
+    """A frame's points in the map."""
+    places, normals = points.in_map(T_map_camera)
+    nx, ny, nz = np.ascontiguousarray(normals.T)
+    return PointCloud(
+        places.astype(np.float32),
+        MAP,
+        timestamp_ns,
+        rgb=points.rgb,
+        sigma_m=points.sigma_m,
+        extra={"nx": nx, "ny": ny, "nz": nz},
+    )
 
 
 def colours_of(frame: StereoFrame) -> UInt8:

@@ -77,6 +77,10 @@ class MatchOnce:
             frame, disparity, movable, Product((OutputFile.of(name, data),), figures=figures)
         )
 
+    def product(self, frame: StereoFrame) -> Product:
+        """What is to be committed of a frame, alone; raises as the call does."""
+        return self(frame).product
+
     def _movable(self, frame: StereoFrame) -> tuple[Detection, ...]:
         assert self.sight is not None
         assert self.detect is not None

@@ -41,6 +41,7 @@ EVERYTHING = {
     "/frame",
     "/labels",
     "/log",
+    "/pose",
     "/stereo/depth",
     "/stereo/disparity",
     "/stereo/points",
@@ -346,7 +347,7 @@ def test_what_is_not_wanted_is_left_out(tmp_path: Path) -> None:
         content=content,
     )
     calibrations = ("/camera/left/calibration", "/camera/right/calibration")
-    assert set(messages) == {"/frame", "/tf", "/stereo/depth/png", *calibrations}
+    assert set(messages) == {"/frame", "/tf", "/pose", "/stereo/depth/png", *calibrations}
     data = np.frombuffer(messages["/stereo/depth/png"].data, np.uint8)
     stored_mm = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     assert stored_mm.dtype == np.uint16

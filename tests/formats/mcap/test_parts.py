@@ -173,11 +173,13 @@ def test_pictures_and_clouds_apart_are_each_complete(tmp_path: Path) -> None:
     split = split_messages(messages, "images,clouds")
     assert {name: set(topics_of(part)) for name, part in split.items()} == {
         "images": {
-            *("/frame", "/log", "/tf", "/stereo/disparity", "/stereo/depth"),
+            *("/frame", "/log", "/tf", "/pose", "/stereo/disparity", "/stereo/depth"),
             *("/camera/left/image", "/camera/left/calibration"),
             *("/camera/right/image", "/camera/right/calibration"),
         },
-        "clouds": {"/frame", "/log", "/tf", "/stereo/points", "/velodyne/points", "/labels"},
+        "clouds": {
+            *("/frame", "/log", "/tf", "/pose", "/stereo/points", "/velodyne/points", "/labels")
+        },
     }
     for name, part in split.items():
         decoded(tmp_path / f"{name}.mcap", part)
