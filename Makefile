@@ -47,12 +47,13 @@ $(VENV)/browser: | $(VENV)/installed-dev
 lint: $(VENV)/installed-dev ## style, types, imports
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	MYPY_NUM_WORKERS=2 $(BIN)/mypy
 	$(BIN)/lint-imports
 
 # Files of tests are dealt out to so many processes, in the order that tests/conftest.py gives them:
-# what takes long first.
-PROCESSES ?= 2
+# what takes long first. One more than the cores of a small machine: tests wait for children, disks
+# and timeouts, too.
+PROCESSES ?= 3
 test: lint $(VENV)/browser ## lint, then all tests
 	$(BIN)/python -m pytest --numprocesses $(PROCESSES) --dist loadfile --no-loadscope-reorder
 

@@ -14,18 +14,37 @@ from tests.rerun_program import Rerun
 __all__ = ["assert_same_cloud", "make_cloud", "without_columns"]
 
 ROOT = Path(__file__).resolve().parent.parent
-# Files that take long: they go first, so that none of them is left to one process at the end.
-LONG_FIRST = ("test_wheel.py", "test_notebooks.py", "pipelines", "real")
+# What takes long goes first, so that none of it is left to one process at the end: files by the
+# processor time that they take (2026-11-27), then the folders in which most tests run whole verbs.
+LONG_FIRST = (
+    "test_notebooks.py",
+    "pipelines/test_compare.py",
+    "pipelines/test_refine_reference.py",
+    "pipelines/test_convert_isolated.py",
+    "test_wheel.py",
+    "pipelines/test_check.py",
+    "real/test_doors.py",
+    "pipelines/test_comparison_page.py",
+    "pipelines/test_convert_interrupted.py",
+    "calibration/solving/test_solve.py",
+    "real/test_accuracy.py",
+    "pipelines/test_refine.py",
+    "real/test_refine_motion.py",
+    "pipelines",
+    "real",
+    "calibration",
+    "viewer",
+)
+TURNS = {ROOT / "tests" / name: turn for turn, name in enumerate(LONG_FIRST)}
 DATA = Path(os.environ.get("PSEUDOLIDAR_DATA", ROOT.parent / "shared" / "data")).resolve()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put what takes long first; the order is else kept."""
-    tests = ROOT / "tests"
 
     def turn(item: pytest.Item) -> int:
-        part = item.path.relative_to(tests).parts[0] if item.path.is_relative_to(tests) else ""
-        return LONG_FIRST.index(part) if part in LONG_FIRST else len(LONG_FIRST)
+        places = [item.path, *item.path.parents]
+        return min((TURNS[place] for place in places if place in TURNS), default=len(TURNS))
 
     items.sort(key=turn)
 
