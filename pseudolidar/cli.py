@@ -24,6 +24,7 @@ from pseudolidar.commandline.streams import (
     write_result,
 )
 from pseudolidar.errors import ALL_DONE, Interrupted, UsageError
+from pseudolidar.running.blas_threads import use_one_blas_thread
 from pseudolidar.running.crew.given_up import still_working
 from pseudolidar.running.kernel_cache import prepare_kernel_cache
 from pseudolidar.running.signals import Stopped, StopSignals
@@ -53,6 +54,7 @@ def main(argv: list[str] | None = None) -> int:
         write_result(sys.stdout, version_line())
         return ALL_DONE
     prepare_kernel_cache()
+    use_one_blas_thread()
     as_json, debug = take_switch(args, "--json"), take_switch(args, "--debug")
     results = output_kept_clean() if as_json else contextlib.nullcontext(sys.stdout)
     with results as out, lines_of_the_library(), StopSignals():

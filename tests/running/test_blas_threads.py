@@ -6,6 +6,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 PROGRAM = """
 import hashlib
 import numpy as np
@@ -53,3 +55,25 @@ def test_one_thread_and_many_give_the_same_bytes() -> None:
     one = results(1)
     assert one.count("\n") == 4
     assert results(4) == one
+
+
+COMMAND = """
+from pseudolidar.cli import main
+main(["info", "nowhere"])
+import scipy.linalg
+from threadpoolctl import threadpool_info
+print({each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"})
+"""
+
+
+TWO = min(2, os.cpu_count() or 1)
+
+
+@pytest.mark.parametrize(("given", "used"), [({}, 1), ({"OPENBLAS_NUM_THREADS": "2"}, TWO)])
+def test_a_command_uses_one_unless_it_is_told_else(given: dict[str, str], used: int) -> None:
+    ours = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+    env = {name: value for name, value in os.environ.items() if name not in ours} | given
+    done = subprocess.run(
+        [sys.executable, "-c", COMMAND], env=env, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == str({used})
