@@ -122,9 +122,13 @@ def normal_equations(
     rig: StereoRig,
     *,
     offset_px: Float64 | float = 0.0,
+    sigma_px: float = TRACK_SIGMA_PX,
     forgetting: bool,
 ) -> NormalEquations:
-    """Of the residuals of `linearised`, with the same arguments, weighted as its `weights`."""
+    """Of the residuals of `linearised`, with the same arguments, weighted as its `weights`.
+
+    `sigma_px` is the error of a point in each of u, v and d.
+    """
     from pseudolidar.geometry.motion_kernels import UNKNOWNS
     from pseudolidar.geometry.motion_kernels import normal_equations as summed
 
@@ -137,7 +141,7 @@ def normal_equations(
         np.stack(columns),
         np.ascontiguousarray(np.broadcast_to(offset_px, (2, n)), np.float64),
         np.array([*numbers, LEAST_PX, NEAREST_M]),
-        np.array([TRACK_SIGMA_PX, KERNEL_SIGMA, 2.0 if forgetting else 1.0]),
+        np.array([sigma_px, KERNEL_SIGMA, 2.0 if forgetting else 1.0]),
         H,
         b,
         weights,
@@ -168,8 +172,10 @@ class RelativePose:
         return float(np.linalg.norm(self.T_to_from[:3, 3]))
 
 
-def first_pose(tracks: PointTracks, rig: StereoRig) -> Float64 | None:
-    """(4, 4) `T_to_from` that most tracks agree on, or None; robust, not precise.
+def first_pose(
+    tracks: PointTracks, rig: StereoRig, *, within_px: float = RANSAC_INLIER_PX
+) -> Float64 | None:
+    """(4, 4) `T_to_from` that most tracks agree on to `within_px`, or None; robust, not precise.
 
     Source: P3P in RANSAC (Fischler & Bolles 1981), of OpenCV, whose random numbers are fixed.
     """
@@ -184,7 +190,7 @@ def first_pose(tracks: PointTracks, rig: StereoRig) -> Float64 | None:
         rig.left.K,
         np.zeros(4),
         iterationsCount=RANSAC_TRIES,
-        reprojectionError=RANSAC_INLIER_PX,
+        reprojectionError=within_px,
         confidence=RANSAC_CONFIDENCE,
         flags=cv2.SOLVEPNP_P3P,
     )
@@ -196,7 +202,12 @@ def first_pose(tracks: PointTracks, rig: StereoRig) -> Float64 | None:
 
 
 def refined_pose(
-    T_to_from: Float64, tracks: PointTracks, rig: StereoRig, *, offset_px: Float64 | float = 0.0
+    T_to_from: Float64,
+    tracks: PointTracks,
+    rig: StereoRig,
+    *,
+    offset_px: Float64 | float = 0.0,
+    sigma_px: float = TRACK_SIGMA_PX,
 ) -> RelativePose | None:
     """The most likely pose near `T_to_from`; None where too few tracks agree on one.
 
@@ -208,13 +219,19 @@ def refined_pose(
         tracks: measured.
         rig: rectified.
         offset_px: as in `linearised`.
+        sigma_px: error of a point in each of u, v and d.
     """
     if len(tracks) < MIN_POINTS:
         return None
     T = T_to_from
     for iteration in range(MAX_ITERATIONS):
         at = normal_equations(
-            T, tracks, rig, offset_px=offset_px, forgetting=iteration >= CAUCHY_ITERATIONS
+            T,
+            tracks,
+            rig,
+            offset_px=offset_px,
+            sigma_px=sigma_px,
+            forgetting=iteration >= CAUCHY_ITERATIONS,
         )
         H, weights = at.H[:6, :6], at.weights
         if weights.sum() < MIN_POINTS or np.linalg.cond(H) > 1 / np.finfo(float).eps:

@@ -13,6 +13,7 @@ from pseudolidar.geometry.beams import HDL64_AZIMUTH_STEP_DEG, hdl64
 from pseudolidar.geometry.frames import BASE_LINK, MAP
 from pseudolidar.sources.source import SourceSummary
 from pseudolidar.sources.stamps import FrameTimes, synthetic_times
+from pseudolidar.sources.worlds.block import Block
 from pseudolidar.sources.worlds.flight import Flight
 from pseudolidar.sources.worlds.labelling import labels_of
 from pseudolidar.sources.worlds.photometry import Photometry
@@ -28,9 +29,10 @@ from pseudolidar.structures.disparity import DepthMap, DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.pose import Pose, Trajectory
 
-WorldName = Literal["street", "room", "flight"]
-WORLDS: dict[str, type[Street] | type[Room] | type[Flight]] = {
+WorldName = Literal["street", "block", "room", "flight"]
+WORLDS: dict[str, type[Street] | type[Block] | type[Room] | type[Flight]] = {
     "street": Street,
+    "block": Block,
     "room": Room,
     "flight": Flight,
 }
@@ -43,7 +45,7 @@ LEFT_EYE, RIGHT_EYE, LIDAR = 0, 1, 2
 
 @dataclass(frozen=True)
 class Synthetic:
-    """A rendered world: `street`, `room` or `flight`.
+    """A rendered world: `street`, `block` (driven round and round), `room` or `flight`.
 
     Args:
         path: which world: `street`, `synthetic:street`, or with a number of frames `street:40`.

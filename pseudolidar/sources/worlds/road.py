@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -16,6 +17,16 @@ BLOCK = 1024
 TEXTURE_PERIOD_M = 1440.0
 # Where the line starts, so that what lies behind the first frame is road too, metres.
 BEFORE_START_M = 256.0
+
+
+class RoadLine(Protocol):
+    """A centre line, and places beside it."""
+
+    def at(self, s_m: Float64, n_m: Float64) -> Float64:
+        """(N, 3) world position `s_m` along, `n_m` to the left, on the height of the road."""
+
+    def place(self, s_m: float, n_m: float) -> tuple[Float64, float]:
+        """(3,) world position and heading (rad) of one spot."""
 
 
 @dataclass(frozen=True)

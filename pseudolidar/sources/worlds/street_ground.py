@@ -6,7 +6,7 @@ import numpy as np
 
 from pseudolidar.sources.worlds.materials import Material
 from pseudolidar.sources.worlds.meshes import Colour, Mesh, join, sheet
-from pseudolidar.sources.worlds.road import Road, texture_start
+from pseudolidar.sources.worlds.road import RoadLine, texture_start
 
 # The street is made piece by piece.
 PIECE_M = 32.0
@@ -36,32 +36,39 @@ def in_side_street(k: int, start_m: float, end_m: float) -> bool:
     return is_crossing(k) and start_m < middle + reach and end_m > middle - reach
 
 
-def ground(road: Road, k: int) -> Mesh:
+def ground(road: RoadLine, k: int) -> Mesh:
     """Strips along the street: road, kerbs, pavements, gardens, land behind."""
     start, end, middle = k * PIECE_M, (k + 1) * PIECE_M, (k + 0.5) * PIECE_M
-    across = (-ROAD_EDGE_M, 0.0, ROAD_EDGE_M)
-    parts = [_strip(road, (start, end), across, (-0.05, 0.0, -0.05), Material.ASPHALT, GREY)]
+    parts = [carriageway(road, (start, end))]
     for side in (1.0, -1.0):
         if not is_crossing(k):
-            parts += _verge(road, (start, end), side)
+            parts += verge(road, (start, end), side)
             continue
-        parts += _verge(road, (start, middle - MOUTH_M), side)
-        parts += _verge(road, (middle + MOUTH_M, end), side)
+        parts += verge(road, (start, middle - MOUTH_M), side)
+        parts += verge(road, (middle + MOUTH_M, end), side)
         parts += _side_street(road, middle, side)
     return join(parts)
 
 
-def _verge(road: Road, span: tuple[float, float], side: float) -> list[Mesh]:
-    """Kerb, pavement and land on one side."""
+def carriageway(road: RoadLine, span: tuple[float, float]) -> Mesh:
+    """The road itself."""
+    across = (-ROAD_EDGE_M, 0.0, ROAD_EDGE_M)
+    return _strip(road, span, across, (-0.05, 0.0, -0.05), Material.ASPHALT, GREY)
+
+
+def verge(
+    road: RoadLine, span: tuple[float, float], side: float, *, land_to_m: float = 150.0
+) -> list[Mesh]:
+    """Kerb, pavement and land on one side, as far as `land_to_m` from the middle."""
     edge, kerb, walk, top = side * ROAD_EDGE_M, side * KERB_M, side * WALK_EDGE_M, KERB_HEIGHT_M
-    far = (walk, side * 14.0, side * 40.0, side * 150.0)
+    far = (walk, *(side * min(n, land_to_m) for n in (14.0, 40.0, 150.0)))
     stone = _strip(road, span, (edge, edge, kerb), (-0.06, top, top), Material.PLAIN, STONE)
     paved = _strip(road, span, (kerb, walk), (top, top + 0.03), Material.PAVEMENT, PAVING)
     land = _strip(road, span, far, (top + 0.03, 0.3, 0.5, 2.5), Material.GRASS, GREEN)
     return [stone, paved, land]
 
 
-def _side_street(road: Road, middle: float, side: float) -> list[Mesh]:
+def _side_street(road: RoadLine, middle: float, side: float) -> list[Mesh]:
     """Asphalt away from the road, its corners paved; its markings run along it."""
     edge, far = side * ROAD_EDGE_M, side * 150.0
     lane, mouth = SIDE_STREET_M, MOUTH_M
@@ -77,7 +84,7 @@ def _side_street(road: Road, middle: float, side: float) -> list[Mesh]:
 
 
 def _strip(
-    road: Road,
+    road: RoadLine,
     span: tuple[float, float],
     n: tuple[float, ...],
     z: tuple[float, ...],

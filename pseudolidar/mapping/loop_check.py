@@ -1,0 +1,191 @@
+"""Whether two places are one: by the pose that their points agree on, and by their depths."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from pseudolidar.geometry.pnp import RelativePose, first_pose, refined_pose
+from pseudolidar.geometry.projection import project
+from pseudolidar.geometry.triangulation import points_by_q
+from pseudolidar.geometry.twists import inverted, log_twist
+from pseudolidar.mapping.place import Float16, Place, cell_centres
+from pseudolidar.mapping.words import hamming
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.loop import LoopClosure
+from pseudolidar.structures.point_tracks import PointTracks
+
+# Descriptors are alike when they differ in fewer bits, and the next best one in more by a factor.
+ALIKE_BITS, DISTINCT = 64, 0.85
+# Error of a point that ORB finds again, px, and within what RANSAC takes it for the same.
+ORB_SIGMA_PX, RANSAC_PX = 0.8, 2.5
+# A pose needs so many points that agree, and this share of all that are alike.
+LEAST_INLIERS, LEAST_SHARE = 30, 0.4
+# They must lie in so many of the picture's 4 x 2 parts.
+LEAST_PARTS = 4
+# Poses found from either side must be one, m and degrees.
+MOST_APART_M, MOST_APART_DEG = 0.3, 1.0
+# Places farther from each other see it too differently, m.
+FARTHEST_M = 15.0
+# Depths agree within so many sigma of a disparity of this error, px, or this share.
+DEPTH_SIGMAS, DEPTH_SIGMA_PX, DEPTH_SHARE = 3.0, 0.5, 0.08
+# Share of what both could see that must agree, and how many cells must be compared.
+LEAST_OVERLAP, LEAST_CELLS = 0.6, 40
+# Errors of matched points are not independent: poses err more, in variance.
+ALIKE = 6.0
+
+Refusal = Literal[
+    "few_matches", "no_pose", "few_inliers", "one_sided", "far_apart", "both_ways", "overlap",
+    "drift", "unconfirmed",
+]  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Alike:
+    """Points of two places whose descriptors are alike."""
+
+    tracks: PointTracks
+
+    @classmethod
+    def of(cls, earlier: Place, later: Place) -> Alike:
+        """Mutually nearest descriptors that are near and distinct."""
+        if min(len(earlier), len(later)) < 2:
+            return cls(PointTracks(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)), np.zeros(0)))
+        bits = hamming(earlier.descriptors, later.descriptors)
+        nearest = bits.argmin(axis=1)
+        rows = np.arange(len(earlier))
+        two = np.partition(bits, 1, axis=1)[:, :2]
+        good = (two[:, 0] < ALIKE_BITS) & (two[:, 0] < DISTINCT * two[:, 1])
+        good &= bits.argmin(axis=0)[nearest] == rows
+        a, b = rows[good], nearest[good]
+        columns = (earlier.uv[a], earlier.d[a], later.uv[b], later.d[b])
+        return cls(PointTracks(*(np.asarray(column, np.float64) for column in columns)))
+
+
+def verified(earlier: Place, later: Place, rig: StereoRig) -> LoopClosure | Refusal:
+    """The loop between two places, or why there is none.
+
+    Args:
+        earlier: seen first.
+        later: seen again.
+        rig: of both, without correction: their disparities are corrected.
+    """
+    tracks = Alike.of(earlier, later).tracks
+    if len(tracks) < LEAST_INLIERS:
+        return "few_matches"
+    back = _pose(tracks, rig)
+    there = _pose(_turned(tracks), rig)
+    if back is None or there is None:
+        return "no_pose"
+    agree = back.weights >= 0.25
+    if agree.sum() < max(LEAST_INLIERS, LEAST_SHARE * len(tracks)):
+        return "few_inliers"
+    inliers = tracks[agree]
+    if min(_parts(uv, rig) for uv in (inliers.uv_from, inliers.uv_to)) < LEAST_PARTS:
+        return "one_sided"
+    if back.distance_m > FARTHEST_M:
+        return "far_apart"
+    apart = log_twist(back.T_to_from @ there.T_to_from)
+    apart_m, apart_deg = _sizes(apart)
+    if apart_m > MOST_APART_M or apart_deg > MOST_APART_DEG:
+        return "both_ways"
+    T_later_earlier = back.T_to_from
+    overlap = min(
+        _overlap(earlier.depth_cells_m, later.depth_cells_m, T_later_earlier, rig),
+        _overlap(later.depth_cells_m, earlier.depth_cells_m, inverted(T_later_earlier), rig),
+    )
+    if not overlap >= LEAST_OVERLAP:
+        return "overlap"
+    T_earlier_later = inverted(T_later_earlier)
+    return LoopClosure(
+        earlier.end,
+        later.end,
+        T_earlier_later,
+        np.asarray(np.linalg.inv(back.information) * ALIKE, np.float64),
+        inliers.uv_from.astype(np.float32),
+        inliers.uv_to.astype(np.float32),
+        _residuals_px(inliers, T_later_earlier, rig),
+        len(tracks),
+        overlap,
+        apart_m,
+        apart_deg,
+        *_correction(earlier, later, T_earlier_later),
+    )
+
+
+def _pose(tracks: PointTracks, rig: StereoRig) -> RelativePose | None:
+    rough = first_pose(tracks, rig, within_px=RANSAC_PX)
+    return None if rough is None else refined_pose(rough, tracks, rig, sigma_px=ORB_SIGMA_PX)
+
+
+def _turned(tracks: PointTracks) -> PointTracks:
+    return PointTracks(tracks.uv_to, tracks.d_to, tracks.uv_from, tracks.d_from)
+
+
+def _parts(uv: Float64, rig: StereoRig) -> int:
+    """How many of the 4 x 2 parts of the picture hold points."""
+    width, height = rig.left.size_px
+    part = np.floor(uv / (width / 4, height / 2)).astype(np.int64)
+    return len(np.unique(part, axis=0))
+
+
+def _sizes(twist: Float64) -> tuple[float, float]:
+    """Metres and degrees of a twist."""
+    return float(np.linalg.norm(twist[:3])), float(np.rad2deg(np.linalg.norm(twist[3:])))
+
+
+def _residuals_px(tracks: PointTracks, T: Float64, rig: StereoRig) -> Float64:
+    xyz = points_by_q(tracks.d_from, tracks.uv_from[:, 0], tracks.uv_from[:, 1], rig)
+    uv, _ = project(xyz @ T[:3, :3].T + T[:3, 3], rig.P_left)
+    return np.asarray(np.linalg.norm(uv - tracks.uv_to, axis=1))
+
+
+def _correction(earlier: Place, later: Place, T_earlier_later: Float64) -> tuple[float, float]:
+    """How far odometry disagrees, m and degrees; NaN between pieces."""
+    if earlier.end.piece != later.end.piece:
+        return float("nan"), float("nan")
+    by_odometry = inverted(earlier.T_odom_camera) @ later.T_odom_camera
+    apart = inverted(by_odometry) @ T_earlier_later
+    return float(np.linalg.norm(apart[:3, 3])), _sizes(log_twist(apart))[1]
+
+
+def _overlap(cells_from: Float16, cells_to: Float16, T_to_from: Float64, rig: StereoRig) -> float:
+    """Share of cells whose depth is what the other place saw there; NaN where few are compared.
+
+    Cells behind what the other place saw are hidden there and say nothing.
+    """
+    shape = cells_from.shape
+    u, v = (grid.ravel() for grid in cell_centres(shape))
+    z = cells_from.astype(np.float64).ravel()
+    known = np.isfinite(z)
+    K, z = rig.left.K, z[known]
+    rays = np.stack([(u[known] - K[0, 2]) / K[0, 0], (v[known] - K[1, 2]) / K[1, 1]])
+    xyz = np.stack([rays[0] * z, rays[1] * z, z], axis=1)
+    uv, depth = project(xyz @ T_to_from[:3, :3].T + T_to_from[:3, 3], rig.P_left)
+    side_px = 2 * (v.min() + 0.5)
+    column, row = np.floor((np.nan_to_num(uv, nan=-1.0) + 0.5) / side_px).astype(np.int64).T
+    inside = (column >= 0) & (row >= 0) & (row < shape[0]) & (column < shape[1])
+    depth, seen = depth[inside], cells_to[row[inside], column[inside]].astype(np.float64)
+    compared = np.isfinite(seen)
+    depth, seen = depth[compared], seen[compared]
+    within = DEPTH_SIGMAS * DEPTH_SIGMA_PX * seen**2 / rig.fB_px_m + DEPTH_SHARE * seen
+    agree, hidden = np.abs(depth - seen) < within, depth > seen + within
+    if (~hidden).sum() < LEAST_CELLS:
+        return float("nan")
+    return float(agree.sum() / (~hidden).sum())
+
+
+def consistent(one: LoopClosure, other: LoopClosure, T_one: Float64, T_other: Float64) -> Float64:
+    """(6,) twist by which two loops disagree about the pose of one's later frame.
+
+    Args:
+        one: loop.
+        other: loop nearby.
+        T_one: (4, 4) odometry from the earlier end of `one` to that of `other`.
+        T_other: (4, 4) the same of their later ends.
+    """
+    by_other = T_one @ other.T_earlier_later @ inverted(T_other)
+    return log_twist(inverted(one.T_earlier_later) @ by_other)

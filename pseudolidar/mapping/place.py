@@ -1,0 +1,123 @@
+"""What is kept of a keyframe so that its place is known again: points, and depths in coarse cells.
+
+No picture is kept: about 20 kB a keyframe.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pseudolidar.geometry.corners import spread_corners
+from pseudolidar.geometry.grey import grey8_left
+from pseudolidar.geometry.triangulation import corrected_disparity
+from pseudolidar.structures.arrays import Bool, Float32, Float64, UInt8
+from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.disparity import DisparityMap
+from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.loop import LoopEnd
+
+Float16 = npt.NDArray[np.float16]
+
+# Corners in each of the picture's cells, and the most that are kept.
+PER_CELL, MOST_POINTS = 4, 500
+# Depths are kept as medians of square cells; a cell needs so many pixels that have one.
+CELL_PX, LEAST_SHARE = 16, 0.5
+# Smaller disparities say nothing of how far a point is, px.
+LEAST_PX = 1.0
+# Side of the patch that ORB describes, px.
+PATCH_PX = 31
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A keyframe as it is remembered.
+
+    Args:
+        number: of the place, counted from the first.
+        end: which frame it was.
+        T_odom_camera: (4, 4) where odometry had it.
+        along_m: path from the piece's beginning.
+        uv: (N, 2) float32 px, points of the left picture.
+        d: (N,) float32 px, their disparities, corrected.
+        descriptors: (N, 32) uint8, ORB's.
+        depth_cells_m: (h, w) float16 m, medians of cells, NaN where unknown.
+    """
+
+    number: int
+    end: LoopEnd
+    T_odom_camera: Float64
+    along_m: float
+    uv: Float32
+    d: Float32
+    descriptors: UInt8
+    depth_cells_m: Float16
+
+    def __len__(self) -> int:
+        return len(self.d)
+
+    @property
+    def bytes(self) -> int:
+        """What it takes in memory."""
+        columns = (self.uv, self.d, self.descriptors, self.depth_cells_m, self.T_odom_camera)
+        return sum(column.nbytes for column in columns)
+
+
+def described(
+    frame: StereoFrame, disparity: DisparityMap, rig: StereoRig, *, movable: Bool | None = None
+) -> tuple[Float32, Float32, UInt8]:
+    """Points of a left picture with disparities and ORB descriptors.
+
+    Args:
+        frame: of any rig of that size.
+        disparity: of its left image, as matched.
+        rig: its correction is taken off.
+        movable: (H, W) pixels of things that may move by themselves.
+
+    Returns:
+        uv (N, 2) px, d (N,) px, descriptors (N, 32).
+
+    Source: Rublee et al., ORB: an efficient alternative to SIFT or SURF, ICCV 2011.
+    """
+    import cv2
+
+    grey = grey8_left(frame.left, frame.right)
+    uv = spread_corners(grey, per_cell=PER_CELL)
+    column, row = uv.astype(np.intp).T
+    u, v = uv.astype(np.float64).T
+    d = corrected_disparity(disparity.values[row, column].astype(np.float64), u, v, rig)
+    with np.errstate(invalid="ignore"):
+        known = d + rig.doffs_px > LEAST_PX
+    if movable is not None:
+        known &= ~movable[row, column]
+    uv, d = uv[known], d[known]
+    points = [cv2.KeyPoint(float(u), float(v), PATCH_PX, class_id=i) for i, (u, v) in enumerate(uv)]
+    keys, descriptors = cv2.ORB.create(MOST_POINTS).compute(grey, points)
+    kept = np.array([key.class_id for key in keys], np.intp)
+    if descriptors is None or not len(kept):
+        descriptors = np.zeros((0, 32), np.uint8)
+    return uv[kept], d[kept].astype(np.float32), np.asarray(descriptors, np.uint8)
+
+
+def depth_cells(disparity: DisparityMap, rig: StereoRig) -> Float32:
+    """(h, w) m, median depths of cells, NaN where few pixels have one."""
+    height, width = (size // CELL_PX for size in disparity.values.shape)
+    values = disparity.values[: height * CELL_PX, : width * CELL_PX]
+    blocks = values.reshape(height, CELL_PX, width, CELL_PX).swapaxes(1, 2)
+    # Every fourth pixel tells the median as well.
+    ordered = np.sort(blocks[:, :, ::2, ::2].reshape(height, width, -1), axis=2)  # NaN go last
+    known = np.isfinite(ordered).sum(axis=2)
+    middle = np.take_along_axis(ordered, (known // 2)[:, :, None], axis=2)[:, :, 0]
+    u, v = cell_centres((height, width))
+    d = corrected_disparity(middle.astype(np.float64), u, v, rig) + rig.doffs_px
+    enough = known >= LEAST_SHARE * ordered.shape[2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(enough & (d > LEAST_PX), rig.fB_px_m / d, np.nan).astype(np.float32)
+
+
+def cell_centres(shape: tuple[int, int]) -> tuple[Float64, Float64]:
+    """U and v (h, w) px of the middles of cells."""
+    v, u = (np.indices(shape) + 0.5) * CELL_PX - 0.5
+    return u, v

@@ -1,0 +1,129 @@
+"""Places by the words that they show: a vocabulary made of what was seen, and an index by word."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pseudolidar.structures.arrays import Float64, Int64, UInt8
+
+# Words are leaves of a tree: so many branches, and so many leaves on each.
+BRANCHES, LEAVES = 64, 64
+# The vocabulary is made when so many places were seen, and anew at each of these.
+LEARNT_AT = (8, 32, 128, 512)
+# It is made of so many descriptors at most.
+MOST_LEARNT = 30_000
+# A word that more than this share of places shows tells no place.
+COMMON_SHARE = 0.5
+
+
+def hamming(one: UInt8, other: UInt8) -> Int64:
+    """(N, M) bits in which descriptors (N, 32) and (M, 32) differ."""
+    a, b = (np.ascontiguousarray(rows).view(np.uint64) for rows in (one, other))
+    return np.asarray(np.bitwise_count(a[:, None] ^ b[None]).sum(axis=2, dtype=np.int64))
+
+
+@dataclass(frozen=True, eq=False)
+class Vocabulary:
+    """Words as the nearest branch and its nearest leaf.
+
+    Args:
+        branches: (B, 32) descriptors.
+        leaves: (B, L, 32) descriptors of each branch.
+    """
+
+    branches: UInt8
+    leaves: UInt8
+
+    @classmethod
+    def of(cls, descriptors: UInt8, seed: int = 0) -> Vocabulary:
+        """Made of descriptors (N, 32): some of them are the words; always the same ones.
+
+        Random members serve as well as means here, and cost nothing.
+        """
+        rng = np.random.default_rng(seed)
+        branches = descriptors[rng.choice(len(descriptors), BRANCHES)]
+        nearest = _nearest(descriptors, branches)
+        leaves = np.empty((BRANCHES, LEAVES, descriptors.shape[1]), np.uint8)
+        for branch in range(BRANCHES):
+            members = np.flatnonzero(nearest == branch)
+            chosen = rng.choice(members, LEAVES) if len(members) else np.zeros(LEAVES, np.intp)
+            leaves[branch] = descriptors[chosen]
+        return cls(branches, leaves)
+
+    def words(self, descriptors: UInt8) -> Int64:
+        """(N,) word of each descriptor (N, 32)."""
+        branch = _nearest(descriptors, self.branches)
+        a = np.ascontiguousarray(descriptors).view(np.uint64)
+        b = np.ascontiguousarray(self.leaves[branch]).view(np.uint64)
+        leaf = np.bitwise_count(a[:, None] ^ b).sum(axis=2, dtype=np.int64).argmin(axis=1)
+        return np.asarray(branch * LEAVES + leaf)
+
+
+def _nearest(descriptors: UInt8, centres: UInt8) -> Int64:
+    return np.asarray(hamming(descriptors, centres).argmin(axis=1), np.int64)
+
+
+@dataclass
+class WordIndex:
+    """Which places show which words.
+
+    Places are numbered as they come. Their similarity is the cosine of their words, each weighted
+    by how rare it is.
+
+    Source: Sivic & Zisserman, Video Google, ICCV 2003.
+    """
+
+    _vocabulary: Vocabulary | None = None
+    _seen: list[UInt8] = field(default_factory=list)
+    _words: list[Int64] = field(default_factory=list)
+    _places: dict[int, list[int]] = field(default_factory=lambda: defaultdict(list))
+
+    def add(self, descriptors: UInt8) -> None:
+        """The next place."""
+        if len(self._words) < LEARNT_AT[-1]:
+            self._seen.append(descriptors)
+        self._words.append(np.zeros(0, np.int64))
+        if len(self._words) in LEARNT_AT:
+            self._learn()
+        elif self._vocabulary is not None:
+            self._enter(len(self._words) - 1, descriptors)
+
+    def _learn(self) -> None:
+        every = np.concatenate(self._seen)
+        if not len(every):
+            return
+        self._vocabulary = Vocabulary.of(every[:: max(1, len(every) // MOST_LEARNT)])
+        self._places.clear()
+        for place, descriptors in enumerate(self._seen):
+            self._enter(place, descriptors)
+        if len(self._words) == LEARNT_AT[-1]:
+            self._seen.clear()
+
+    def _enter(self, place: int, descriptors: UInt8) -> None:
+        assert self._vocabulary is not None  # asked for once there is one
+        if not len(descriptors):
+            return
+        words = np.unique(self._vocabulary.words(descriptors))
+        self._words[place] = words
+        for word in words.tolist():
+            self._places[word].append(place)
+
+    def similar(self, place: int) -> Float64:
+        """(N,) similarity of all places that were added to one of them; 0 to itself."""
+        shared = np.zeros(len(self._words))
+        most = COMMON_SHARE * len(self._words)
+        own = 0.0
+        for word in self._words[place].tolist():
+            places = self._places[word]
+            if len(places) > most:
+                continue
+            rarity = float(np.log(len(self._words) / len(places)))
+            shared[places] += rarity**2
+            own += rarity**2
+        sizes = np.array([max(1, len(words)) for words in self._words])
+        likeness = shared / max(own, 1e-12) / np.sqrt(sizes / sizes[place])
+        likeness[place] = 0.0
+        return np.asarray(likeness)
