@@ -29,6 +29,7 @@ from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, Frame
 from pseudolidar.viewer.address import LOOPBACK, Address
 from pseudolidar.viewer.app import App
+from pseudolidar.viewer.exporting import check_export, export
 from pseudolidar.viewer.opening import Opened, Opening
 from pseudolidar.viewer.reel import SourceReel
 
@@ -47,6 +48,7 @@ class View:
         pseudolidar view KITTI/2011_09_26/2011_09_26_drive_0002_sync
         pseudolidar view out/map.ply out/trajectory.tum
         pseudolidar view out/drive --no-browser --port 9000
+        pseudolidar view out/map.ply --export map.html
 
     Args:
         paths: several at once: sources (KITTI data, folders, videos, recordings, synthetic:NAME),
@@ -59,6 +61,8 @@ class View:
         port: to listen at, 0 for any that is free.
         host: to listen at; others than 127.0.0.1 let other machines in, which still need the token.
         browser: open the page.
+        export: serve nothing, and write what there is to see, all frames of it, to one file that
+            opens without a server: scene.html, or scene.viser for viser's own player.
     """
 
     paths: Annotated[tuple[str, ...], POSITIONAL] = ()
@@ -70,6 +74,7 @@ class View:
     port: Annotated[int, RUN_ONLY] = 8080
     host: Annotated[str, RUN_ONLY] = LOOPBACK
     browser: Annotated[bool, RUN_ONLY] = True
+    export: Annotated[Path | None, RUN_ONLY] = None
 
     def conversion(self, source: Source) -> Convert:
         """What `convert` would do with a source."""
@@ -96,7 +101,13 @@ def run(job: View) -> ViewReport:
         SourceUnknown: a path is nothing that can be looked at.
         ServeError: the address cannot be had.
     """
+    if job.export is not None:
+        check_export(job.export)
     opened = Opening(job.reel_of).all_of(job.paths)
+    if job.export is not None:
+        with App.made(Address(port=0), opened) as app:
+            export(app, job.export)
+        return ViewReport(job.export)
     with App.served(Address(job.host, job.port), opened, measuring(job, opened)) as app:
         print(app.url, file=sys.stderr, flush=True)  # noqa: T201 - printed at once, not at the end
         if job.browser:
@@ -116,14 +127,19 @@ def measuring(job: View, opened: Opened) -> Callable[[Frame], Seen] | None:
 
 @dataclass(frozen=True)
 class ViewReport:
-    """Nothing is left of it."""
+    """What is left of it.
 
+    Args:
+        file: what was exported.
+    """
+
+    file: Path | None = None
     exit_code = ALL_DONE
 
     def as_dict(self) -> dict[str, Any]:
-        """Nothing."""
-        return {}
+        """Where it is."""
+        return {"file": None if self.file is None else str(self.file)}
 
     def text(self) -> str:
-        """Nothing."""
-        return ""
+        """The same."""
+        return "" if self.file is None else f"  {self.file}"

@@ -11,8 +11,10 @@ from pseudolidar.running.sighting import Seen
 from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.opening import Opened
+from pseudolidar.viewer.panels.export import ExportPanel
 from pseudolidar.viewer.panels.help import HelpPanel
 from pseudolidar.viewer.panels.picture import PicturePanel
+from pseudolidar.viewer.panels.points import PointsPanel
 from pseudolidar.viewer.panels.scene import ScenePanel
 from pseudolidar.viewer.panels.time import TimePanel
 from pseudolidar.viewer.reel import NoFrames
@@ -48,6 +50,8 @@ class App:
             self.time = TimePanel(self.view)
             self.picture = PicturePanel(self.view, sighted)
         self.scene = ScenePanel(self.view)
+        self.points = PointsPanel(self.view)
+        self.export = ExportPanel(self.view)
         self.help = HelpPanel(self.view, opened)
         self._ended = threading.Event()
 
@@ -71,8 +75,21 @@ class App:
         Raises:
             ServeError: the address cannot be had.
         """
+        with cls.made(address, opened, sighted) as app:
+            app.view.start()
+            yield app
+
+    @classmethod
+    @contextlib.contextmanager
+    def made(
+        cls, address: Address, opened: Opened, sighted: Callable[[Frame], Seen] | None = None
+    ) -> Iterator[Self]:
+        """The same, with nothing drawn yet.
+
+        Raises:
+            ServeError: the address cannot be had.
+        """
         app = cls(serve(address, label=TITLE), opened, sighted)
-        app.view.start()
         try:
             yield app
         finally:

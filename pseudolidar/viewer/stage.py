@@ -77,6 +77,7 @@ class Stage:
         self._mark: Any = None
         self._box: Any = None
         self._sight: Sight | None = None
+        self._T_scene_map = self._T_map_rig = np.eye(4)
         self._origin: Float64 | None = None
         self.looks: dict[str, Look] = {}
         self.follow = True
@@ -145,16 +146,30 @@ class Stage:
                     self._put_cloud(name)
             self._draw_camera(moment)
 
-    def mark(self, xyz_m: Float64 | None) -> None:
-        """Mark a point of the left camera's frame, or none."""
+    def mark(self, place_m: Float64 | None) -> None:
+        """Mark a place in the scene, or none."""
         if self._mark is None:
             self._mark = self._scene.add_icosphere(
-                f"{RIG}/mark", radius=MARK_M, color=MARK_COLOUR, visible=False
+                "/mark", radius=MARK_M, color=MARK_COLOUR, visible=False
             )
-        place = None if xyz_m is None else self._from_camera(xyz_m)
-        self._mark.visible = place is not None
-        if place is not None:
-            self._mark.position = place
+        self._mark.visible = place_m is not None
+        if place_m is not None:
+            self._mark.position = place_m
+
+    def of_camera(self, xyz_m: Float64) -> Float64 | None:
+        """(3,) where a point of the left camera's frame is in the scene; None without a camera."""
+        place = self._from_camera(xyz_m)
+        return None if place is None else _moved(self._T_scene_map @ self._T_map_rig, place)
+
+    def pickable(self) -> Mapping[str, tuple[PointCloud, Float64]]:
+        """Clouds that are drawn, by name, each with the (4, 4) pose of its frame in the scene."""
+        T_scene_rig = self._T_scene_map @ self._T_map_rig
+        found = {name: (cloud, T_scene_rig) for name, cloud in self.shown.items()}
+        T_map = self._T_scene_map.copy()
+        if self._origin is not None:
+            T_map[:3, 3] -= T_map[:3, :3] @ self._origin
+        found |= {name: (cloud, T_map) for name, cloud in self._stills.items()}
+        return {name: one for name, one in found.items() if self.look(name).visible}
 
     def show_box(self, box: Box3D | None) -> None:
         """Draw a box of the left camera's frame, or none."""
@@ -199,10 +214,10 @@ class Stage:
         return T
 
     def _place(self, T_map_forward: Float64 | None) -> None:
-        T = self.in_map(T_map_forward)
+        T = self._T_map_rig = self.in_map(T_map_forward)
         self._rig.wxyz, self._rig.position = quaternion_wxyz(T[:3, :3]), T[:3, 3]
         # To follow the rig is to move the map under it.
-        T_scene_map = inverted(T) if self.follow else np.eye(4)
+        T_scene_map = self._T_scene_map = inverted(T) if self.follow else np.eye(4)
         self._map.wxyz = quaternion_wxyz(T_scene_map[:3, :3])
         self._map.position = T_scene_map[:3, 3]
 
@@ -262,3 +277,8 @@ def _small(photo: UInt8) -> UInt8:
     size = PHOTO_PX, max(round(PHOTO_PX * height / width), 1)
     small = np.asarray(cv2.resize(photo, size, interpolation=cv2.INTER_AREA), np.uint8)
     return small if small.ndim == 3 else small[:, :, None].repeat(3, axis=2)
+
+
+def _moved(T: Float64, place_m: Float64) -> Float64:
+    """(3,) a place through a (4, 4) pose."""
+    return np.asarray(T[:3, :3] @ place_m + T[:3, 3])

@@ -13,8 +13,9 @@ from playwright.sync_api import Browser, Page
 from playwright.sync_api import Frame as InnerPage
 from pseudolidar.pipelines.convert import Convert, ConvertFrame, opened
 
+from pseudolidar.cli import main
 from pseudolidar.clouds.ground_fit import GroundFit
-from pseudolidar.formats.points.ply import write_ply
+from pseudolidar.formats.points.ply import read_ply, write_ply
 from pseudolidar.obstacles.measure import measured
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.sighting import SMALL_THINGS_KEPT, SightFrame
@@ -93,7 +94,7 @@ def test_a_pixel_tells_its_depth(app: App, opened_page: Page):
     box = inner.wait_for_selector("#picture").bounding_box()
     assert box is not None
     opened_page.mouse.move(box["x"] + box["width"] * 0.5, box["y"] + box["height"] * 0.9)
-    said = inner.get_by_text("depth")
+    said = inner.get_by_text(re.compile(r"depth [\d.]+ ±"))
     said.wait_for(timeout=10_000)
     found = re.search(
         r"pixel (\d+), (\d+)\ndisparity .*\ndepth ([\d.]+) ±", inner.inner_text("#said")
@@ -200,3 +201,47 @@ def test_an_empty_viewer_says_what_to_do(page: Page):
     with App.served(Address(port=0), Opened()) as served:
         page.goto(served.url)
         page.get_by_text("Nothing is open.").wait_for(timeout=20_000)
+
+
+def test_a_click_tells_the_point_and_two_their_distance(app: App, opened_page: Page):
+    app.view.jump(0)
+    shown(opened_page, 1)
+    stage = app.view.stage
+    cloud, T = stage.pickable()["stereo"]
+    eye = np.array([-3.0, 0.0, 1.0])
+    near, far = (np.argmin(np.linalg.norm(cloud.xyz - place, axis=1)) for place in PLACES)
+    for index in (near, far):
+        place = T[:3, :3] @ cloud.xyz[index] + T[:3, 3]
+        app.points.click(eye, place - eye)
+    opened_page.get_by_text("apart").wait_for(timeout=10_000)
+    opened_page.get_by_text(re.compile(r"pixel \d+, \d+")).first.wait_for(timeout=10_000)
+    assert stage._mark.visible
+
+
+PLACES = ((8.0, 0.0, -1.6), (12.0, 1.0, -1.6))
+
+
+def test_a_click_in_the_browser_arrives(app: App, opened_page: Page):
+    app.points._text.content = "waiting"
+    opened_page.mouse.click(300, 420)
+    opened_page.get_by_text("waiting").wait_for(state="detached", timeout=10_000)
+
+
+def test_shown_clouds_are_taken_away(app: App, opened_page: Page, tmp_path: Path):
+    moment = app.view.moment
+    assert moment is not None
+    answer = opened_page.request.get(f"{base(app)}export/cloud?name=stereo&kind=ply")
+    (tmp_path / "a.ply").write_bytes(answer.body())
+    assert len(read_ply(tmp_path / "a.ply")) == len(moment.clouds["stereo"])
+    assert "000000_stereo.ply" in answer.headers["content-disposition"]
+    for query in ("", "name=stereo", "name=nobody&kind=ply", "name=stereo&kind=../x"):
+        assert opened_page.request.get(f"{base(app)}export/cloud?{query}").status == 404
+
+
+def test_a_scene_is_a_page_of_its_own(tmp_path: Path, page: Page):
+    write_ply(tmp_path / "a.ply", PointCloud(np.eye(3, dtype=np.float32) * 5, "map"))
+    out = tmp_path / "scene.html"
+    assert main(["view", str(tmp_path / "a.ply"), "--export", str(out)]) == 0
+    page.goto(out.as_uri())
+    page.wait_for_selector("canvas", timeout=30_000)
+    assert main(["view", "--export", str(tmp_path / "scene.txt")]) == 2

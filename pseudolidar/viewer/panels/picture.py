@@ -82,7 +82,8 @@ class PicturePanel:
             return _json({"text": ""})
         pixel = pixel_of(converted, *place)
         if "mark" in query:
-            self._view.stage.mark(pixel.xyz_m if np.isfinite(pixel.depth_m) else None)
+            known = np.isfinite(pixel.depth_m)
+            self._view.stage.mark(self._view.stage.of_camera(pixel.xyz_m) if known else None)
         return _json({"text": pixel.text})
 
     def _measure(self, query: Mapping[str, str]) -> Answer:

@@ -1,0 +1,50 @@
+"""A scene as one file that opens without a server: a page, or a recording of viser's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pseudolidar.errors import UsageError
+from pseudolidar.formats.atomic import write_atomic
+from pseudolidar.running.progress import FrameProgress
+from pseudolidar.viewer.app import App
+
+SUFFIXES = (".html", ".viser")
+
+
+def check_export(path: Path) -> None:
+    """Refuse a name of neither kind, before there is any work.
+
+    Raises:
+        UsageError: it ends otherwise.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise UsageError(
+            f"a file named {path.suffix or 'without extension'}",
+            want=" or ".join(SUFFIXES),
+            path=path,
+            where="--export",
+        )
+
+
+def export(app: App, path: Path) -> None:
+    """Write what an app shows, all frames at the pace of their times.
+
+    Raises:
+        UsageError: a name of neither kind.
+        OutputError: the disk is full or gone.
+    """
+    check_export(path)
+    view = app.view
+    serializer = view.server.viser.get_scene_serializer()
+    times_s = view.reel.times_s
+    with FrameProgress(len(times_s)) as progress:
+        for index, time_s in enumerate(times_s):
+            view.stage.show(view.reel.load(index))
+            following_s = times_s[min(index + 1, len(times_s) - 1)]
+            serializer.insert_sleep(max(float(following_s - time_s), 0.0))
+            progress.advance()
+    if path.suffix.lower() == ".html":
+        write_atomic(path, serializer.as_html(dark_mode=view.dark).encode())
+    else:
+        write_atomic(path, serializer.serialize())

@@ -1,0 +1,55 @@
+"""Click on a point to know it; click on two to know how far apart they are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.viewer.moment import Moment
+from pseudolidar.viewer.picking import Picked, picked
+from pseudolidar.viewer.view import View
+
+HINT = "*Click a point in the scene; a second one tells the distance.*"
+
+
+class PointsPanel:
+    """What was clicked on.
+
+    Args:
+        view: what is looked at.
+    """
+
+    def __init__(self, view: View) -> None:
+        self._view = view
+        self._last: tuple[Picked, Float64] | None = None
+        with view.gui.add_folder("Points"):
+            self._text = view.gui.add_markdown(HINT)
+        view.server.viser.scene.on_click()(self._clicked)
+        view.on_shown(self._forget)
+
+    def _forget(self, _moment: Moment) -> None:
+        self._last = None
+
+    def _clicked(self, event: Any) -> None:
+        self.click(np.array(event.ray_origin), np.array(event.ray_direction))
+
+    def click(self, origin: Float64, direction: Float64) -> None:
+        """Tell the point on a line of sight (3,), (3,) of the scene."""
+        stage = self._view.stage
+        clouds = stage.pickable()
+        found = picked(clouds, origin, direction)
+        if found is None:
+            self._text.content = "nothing there"
+            return
+        _, T = clouds[found.cloud]
+        place = np.asarray(T[:3, :3] @ found.xyz_m + T[:3, 3])
+        stage.mark(place)
+        lines = [f"**{found.cloud}** {found.text}"]
+        if self._last is not None:
+            before, there = self._last
+            apart_m = float(np.linalg.norm(place - there))
+            lines += [f"before: {before.text}", f"**{apart_m:.3f} m** apart"]
+        self._last = found, place
+        self._text.content = "\n\n".join(lines)
