@@ -214,7 +214,6 @@ def test_a_click_tells_the_point_and_two_their_distance(app: App, opened_page: P
         place = T[:3, :3] @ cloud.xyz[index] + T[:3, 3]
         app.points.click(eye, place - eye)
     opened_page.get_by_text("apart").wait_for(timeout=10_000)
-    opened_page.get_by_text(re.compile(r"pixel \d+, \d+")).first.wait_for(timeout=10_000)
     assert stage._mark.visible
 
 
