@@ -247,16 +247,18 @@ def test_errors_of_the_other_source_are_found(kitti, converted, tmp_path, capsys
 
 
 def test_what_the_second_argument_is_taken_for(kitti, converted, tmp_path, capsys):
+    first = ("--frames", "0")
     assert compare(kitti / "one", tmp_path / "nowhere.mcap") == 2
     assert "no such file" in capsys.readouterr().err
-    assert compare(kitti / "one", converted / "ply") == 0
+    assert compare(kitti / "one", converted / "ply", *first) == 0
     assert "compared with" in capsys.readouterr().err
     out = tmp_path / "out"
-    assert compare(kitti / "one", out, "--to", "ply") == 0
+    assert compare(kitti / "one", out, "--to", "ply", *first) == 0
     assert "results" in capsys.readouterr().err
-    assert compare(kitti / "one", out, "--to", "ply") == 0  # clouds in it, and still OUT
+    assert compare(kitti / "one", out, "--to", "ply", *first) == 0  # clouds in it, and still OUT
     assert "results" in capsys.readouterr().err
-    assert compare(kitti / "one", converted / "ply", "--out", tmp_path / "both") == 0
+    both = ("--out", tmp_path / "both")
+    assert compare(kitti / "one", converted / "ply", *both, *first) == 0
     stored = json.loads((tmp_path / "both" / "compare.json").read_text())
     assert stored["reference"] == str(converted / "ply")
     assert compare(kitti / "one", out, "--out", out, "--reference", "scan") == 2
