@@ -12,7 +12,7 @@ from pseudolidar.geometry.projection import project
 from pseudolidar.geometry.triangulation import points_by_q
 from pseudolidar.geometry.twists import inverted, log_twist
 from pseudolidar.mapping.place import Float16, Place, cell_centres
-from pseudolidar.mapping.words import hamming
+from pseudolidar.mapping.words import nearest
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.loop import LoopClosure
@@ -54,13 +54,11 @@ class Alike:
         """Mutually nearest descriptors that are near and distinct."""
         if min(len(earlier), len(later)) < 2:
             return cls(PointTracks(np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)), np.zeros(0)))
-        bits = hamming(earlier.descriptors, later.descriptors)
-        nearest = bits.argmin(axis=1)
-        rows = np.arange(len(earlier))
-        two = np.partition(bits, 1, axis=1)[:, :2]
-        good = (two[:, 0] < ALIKE_BITS) & (two[:, 0] < DISTINCT * two[:, 1])
-        good &= bits.argmin(axis=0)[nearest] == rows
-        a, b = rows[good], nearest[good]
+        bits, row = nearest(earlier.descriptors, later.descriptors, 2)
+        _, back = nearest(later.descriptors, earlier.descriptors)
+        good = (bits[:, 0] < ALIKE_BITS) & (bits[:, 0] < DISTINCT * bits[:, 1])
+        good &= back[row[:, 0], 0] == np.arange(len(earlier))
+        a, b = np.flatnonzero(good), row[good, 0]
         columns = (earlier.uv[a], earlier.d[a], later.uv[b], later.d[b])
         return cls(PointTracks(*(np.asarray(column, np.float64) for column in columns)))
 

@@ -9,6 +9,7 @@ as odometry had it: so whatever is doubtful is refused, and counted with the rea
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,7 +77,8 @@ class LoopSearch:
         self._index = WordIndex()
         self._places: list[Place] = []
         self._waiting: list[_Found] = []
-        self._refused: Counter[str] = Counter()
+        self._refused: Counter[Refusal] = Counter()
+        self._unconfirmed = 0
 
     @property
     def places(self) -> int:
@@ -89,10 +91,10 @@ class LoopSearch:
         return sum(place.bytes for place in self._places)
 
     @property
-    def refused(self) -> dict[str, int]:
+    def refused(self) -> dict[Refusal, int]:
         """How many candidates were refused, by reason; those not confirmed yet among them."""
         waiting = sum(not found.told for found in self._waiting)
-        return dict(self._refused + Counter({"unconfirmed": waiting}))
+        return {**self._refused, "unconfirmed": self._unconfirmed + waiting}
 
     def add(
         self,
@@ -102,7 +104,7 @@ class LoopSearch:
         T_odom_camera: Float64,
         *,
         piece: int = 0,
-        movable: tuple[Detection, ...] = (),
+        movable: Sequence[Detection] = (),
         correction: DisparityCorrection | None = None,
     ) -> list[LoopClosure]:
         """Remember a keyframe, and tell the loops that are certain by now.
@@ -138,7 +140,11 @@ class LoopSearch:
         )
         self._places.append(place)
         self._index.add(descriptors)
-        return [loop for other in self._similar(place) for loop in self._tried(other, place)]
+        for other in self._similar(place):
+            loop = self._verified(other, place)
+            if loop is not None:
+                return self._confirmed(_Found(loop, other, place))
+        return []
 
     def _along_m(self, T_odom_camera: Float64, piece: int) -> float:
         """Path from the beginning of the piece."""
@@ -159,27 +165,28 @@ class LoopSearch:
         best = np.argsort(-likeness, kind="stable")[: self._settings.candidates]
         return [self._places[i] for i in best if likeness[i] > self._settings.similarity]
 
-    def _tried(self, earlier: Place, later: Place) -> list[LoopClosure]:
-        """What becomes certain by a candidate."""
+    def _verified(self, earlier: Place, later: Place) -> LoopClosure | None:
+        """The loop to a candidate; what is none is counted."""
         loop = verified(earlier, later, self._rig)
         if isinstance(loop, LoopClosure) and _beyond_drift(loop, earlier, later):
             loop = "drift"
-        if not isinstance(loop, LoopClosure):
-            self._refuse(loop)
-            return []
-        found = _Found(loop, earlier, later)
+        if isinstance(loop, LoopClosure):
+            return loop
+        self._refused[loop] += 1
+        return None
+
+    def _confirmed(self, found: _Found) -> list[LoopClosure]:
+        """What becomes certain by a loop: nothing, or that one and others not told yet."""
         confirming = [one for one in self._waiting if one.confirms(found)]
-        self._waiting = [one for one in self._waiting if one.near_end_of(later)]
-        self._waiting.append(found)
+        left = [one for one in self._waiting if not one.near_end_of(found.later)]
+        self._unconfirmed += sum(not one.told for one in left)
+        self._waiting = [one for one in self._waiting if one not in left] + [found]
         if not confirming:
             return []
         told = [one for one in (*confirming, found) if not one.told]
         for one in told:
             one.told = True
         return [one.loop for one in told]
-
-    def _refuse(self, why: Refusal) -> None:
-        self._refused[why] += 1
 
 
 @dataclass(eq=False)

@@ -23,12 +23,13 @@ Float16 = npt.NDArray[np.float16]
 
 # Corners in each of the picture's cells, and the most that are kept.
 PER_CELL, MOST_POINTS = 4, 500
-# Depths are kept as medians of square cells; a cell needs so many pixels that have one.
-CELL_PX, LEAST_SHARE = 16, 0.5
+# Depths are kept as medians of square cells: of every so many pixels across and down, if enough of
+# them have one.
+CELL_PX, LEAST_SHARE, STEP = 16, 0.5, 4
 # Smaller disparities say nothing of how far a point is, px.
 LEAST_PX = 1.0
-# Side of the patch that ORB describes, px.
-PATCH_PX = 31
+# Side of the patch that ORB describes, and how near to the border it still does, px.
+PATCH_PX, BORDER_PX = 31, 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +95,9 @@ def described(
         known &= ~movable[row, column]
     uv, d = uv[known], d[known]
     points = [cv2.KeyPoint(float(u), float(v), PATCH_PX, class_id=i) for i, (u, v) in enumerate(uv)]
-    keys, descriptors = cv2.ORB.create(MOST_POINTS).compute(grey, points)
+    keys, descriptors = cv2.ORB.create(
+        MOST_POINTS, edgeThreshold=BORDER_PX, patchSize=PATCH_PX
+    ).compute(grey, points)
     kept = np.array([key.class_id for key in keys], np.intp)
     if descriptors is None or not len(kept):
         descriptors = np.zeros((0, 32), np.uint8)
@@ -106,12 +109,16 @@ def depth_cells(disparity: DisparityMap, rig: StereoRig) -> Float32:
     height, width = (size // CELL_PX for size in disparity.values.shape)
     values = disparity.values[: height * CELL_PX, : width * CELL_PX]
     blocks = values.reshape(height, CELL_PX, width, CELL_PX).swapaxes(1, 2)
-    # Every fourth pixel tells the median as well.
-    ordered = np.sort(blocks[:, :, ::2, ::2].reshape(height, width, -1), axis=2)  # NaN go last
+    # A few pixels tell the median as well; NaN are sorted last.
+    ordered = np.sort(
+        blocks[:, :, ::STEP, ::STEP].reshape(height, width, -1), axis=2
+    )  # NaN go last
     known = np.isfinite(ordered).sum(axis=2)
     middle = np.take_along_axis(ordered, (known // 2)[:, :, None], axis=2)[:, :, 0]
     u, v = cell_centres((height, width))
-    d = corrected_disparity(middle.astype(np.float64), u, v, rig) + rig.doffs_px
+    measured = middle.astype(np.float64).ravel()
+    d = corrected_disparity(measured, u.ravel(), v.ravel(), rig).reshape(height, width)
+    d = d + rig.doffs_px
     enough = known >= LEAST_SHARE * ordered.shape[2]
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(enough & (d > LEAST_PX), rig.fB_px_m / d, np.nan).astype(np.float32)

@@ -6,8 +6,11 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
 from pseudolidar.structures.arrays import Float64, Int64, UInt8
+
+Int32 = npt.NDArray[np.int32]
 
 # Words are leaves of a tree: so many branches, and so many leaves on each.
 BRANCHES, LEAVES = 64, 64
@@ -19,10 +22,21 @@ MOST_LEARNT = 30_000
 COMMON_SHARE = 0.5
 
 
-def hamming(one: UInt8, other: UInt8) -> Int64:
-    """(N, M) bits in which descriptors (N, 32) and (M, 32) differ."""
-    a, b = (np.ascontiguousarray(rows).view(np.uint64) for rows in (one, other))
-    return np.asarray(np.bitwise_count(a[:, None] ^ b[None]).sum(axis=2, dtype=np.int64))
+def nearest(one: UInt8, other: UInt8, count: int = 1) -> tuple[Int32, Int32]:
+    """The nearest descriptors of another set, by the bits in which they differ.
+
+    Args:
+        one: (N, 32), not empty.
+        other: (M, 32), at least `count`.
+        count: how many.
+
+    Returns:
+        (N, count) bits, ascending, and (N, count) rows of `other`.
+    """
+    import cv2
+
+    bits, rows = cv2.batchDistance(one, other, cv2.CV_32S, normType=cv2.NORM_HAMMING, K=count)
+    return np.asarray(bits, np.int32), np.asarray(rows, np.int32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,25 +59,21 @@ class Vocabulary:
         """
         rng = np.random.default_rng(seed)
         branches = descriptors[rng.choice(len(descriptors), BRANCHES)]
-        nearest = _nearest(descriptors, branches)
+        branch_of = nearest(descriptors, branches)[1][:, 0]
         leaves = np.empty((BRANCHES, LEAVES, descriptors.shape[1]), np.uint8)
         for branch in range(BRANCHES):
-            members = np.flatnonzero(nearest == branch)
+            members = np.flatnonzero(branch_of == branch)
             chosen = rng.choice(members, LEAVES) if len(members) else np.zeros(LEAVES, np.intp)
             leaves[branch] = descriptors[chosen]
         return cls(branches, leaves)
 
     def words(self, descriptors: UInt8) -> Int64:
         """(N,) word of each descriptor (N, 32)."""
-        branch = _nearest(descriptors, self.branches)
+        branch = nearest(descriptors, self.branches)[1][:, 0].astype(np.int64)
         a = np.ascontiguousarray(descriptors).view(np.uint64)
         b = np.ascontiguousarray(self.leaves[branch]).view(np.uint64)
         leaf = np.bitwise_count(a[:, None] ^ b).sum(axis=2, dtype=np.int64).argmin(axis=1)
         return np.asarray(branch * LEAVES + leaf)
-
-
-def _nearest(descriptors: UInt8, centres: UInt8) -> Int64:
-    return np.asarray(hamming(descriptors, centres).argmin(axis=1), np.int64)
 
 
 @dataclass
