@@ -32,6 +32,7 @@ from pseudolidar.running.mapped.build import (
 )
 from pseudolidar.running.mapped.map_outputs import MapOutputs
 from pseudolidar.running.mapped.map_recording import plan_recording, write_recording
+from pseudolidar.running.mapped.mesh_outputs import MeshOutputs, mesh_figures
 from pseudolidar.running.mapped.odometry_film import ODOMETRY_FILM, OdometryFilm
 from pseudolidar.running.mapped.stored import WORK_FOLDER, MatchOnce
 from pseudolidar.running.mapped.trajectory_files import KITTI_NAME, TUM_NAME, write_trajectories
@@ -95,6 +96,9 @@ class Map:
             alone.
         mcap: what the recording holds.
         frame_clouds: formats of the points of each frame, in `map`: OUT/frames; `none` by default.
+        mesh: make a mesh too, in which depths count by their sigma: --map.mesh.voxel-m 0.05 for a
+            finer one. It is not closed; its holes are counted.
+        mesh_to: formats of the mesh, a comma list of ply, glb, obj.
         debug_video: make odometry.mp4 (H.264): the points that were followed with their ways, blue
             those that agree and orange the others, who was asked about the step, disparities.
         odometry: vision alone; `kiss`, KISS-ICP on the scans of a LiDAR alone; or `fused`, vision
@@ -133,6 +137,8 @@ class Map:
     to: MapOutputs = field(default_factory=MapOutputs)
     mcap: McapContent = field(default_factory=McapContent)
     frame_clouds: MapOutputs = field(default_factory=lambda: MapOutputs(()))
+    mesh: bool = False
+    mesh_to: MeshOutputs = field(default_factory=MeshOutputs)
     debug_video: bool = False
     odometry: Fused | Vision | Kiss = field(default_factory=Fused)
     map: MapSettings = field(default_factory=MapSettings)
@@ -181,7 +187,8 @@ class Map:
         """Files that belong to no single frame."""
         maps = tuple(f"{WHOLE_NAME}.{kind}" for kind in self.to.clouds)
         film = (ODOMETRY_FILM,) if self.debug_video else ()
-        return (TUM_NAME, KITTI_NAME, RIG_NAME, *maps, *film)
+        meshes = self.mesh_to.files if self.mesh else ()
+        return (TUM_NAME, KITTI_NAME, RIG_NAME, *maps, *meshes, *film)
 
     @property
     def folders(self) -> tuple[str, ...]:
@@ -278,11 +285,15 @@ def mapped(
     recording: RecordingPlan,
 ) -> Made:
     """The map of the longest piece of path, and its recording; nothing where none is wanted."""
-    if not pieces or not (job.to.kinds or job.frame_clouds.clouds):
+    if not pieces or not (job.to.kinds or job.frame_clouds.clouds or job.mesh):
         return Made()
     kinds = job.frame_clouds.clouds
-    builder = built(job.out, source, pieces[0], rig, job.map, frame_kinds=kinds)
+    builder = built(job.out, source, pieces[0], rig, job.map, frame_kinds=kinds, meshed=job.mesh)
     files, figures, whole = written(job.out, builder, job.to.clouds)
+    if builder.mesh is not None:
+        mesh = builder.mesh.extract()
+        files = (*files, *job.mesh_to.write(job.out, mesh))
+        figures = {**figures, "mesh": mesh_figures(mesh, builder.mesh.voxel_m)}
     if kinds:
         files = (*files, job.out / FRAME_FOLDER)
     if job.to.recording:

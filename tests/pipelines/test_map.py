@@ -18,6 +18,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from scipy.spatial import cKDTree
 
 from pseudolidar.cli import main
+from pseudolidar.formats.meshes.mesh_file import read_mesh
 from pseudolidar.formats.points.npz import read_npz
 from pseudolidar.formats.points.ply import read_ply
 from pseudolidar.formats.trajectory import read_kitti_poses
@@ -25,7 +26,10 @@ from pseudolidar.formats.tum import read_tum_trajectory
 
 # Small pictures that still hold some hundred tracks.
 WORLD = ["synthetic:street", "--source.frames", "5", "--source.width-px", "480"]
-MADE = ["--to", "ply,mcap", "--frame-clouds", "npz", "--debug-video", "--map.points.sigma", "0.3"]
+MADE = [
+    *("--to", "ply,mcap", "--frame-clouds", "npz", "--debug-video", "--map.points.sigma", "0.3"),
+    *("--mesh", "--mesh-to", "ply,glb"),
+]
 
 
 def run_map(out: Path, *more: str) -> int:
@@ -48,6 +52,8 @@ def test_the_path_is_where_the_world_says(mapped: Path, capsys: pytest.CaptureFi
     assert path["t_rel"] < 0.006
     assert path["lost"] == []
     assert told["map"]["points"] > 2000
+    assert told["map"]["mesh"]["triangles"] > 2000
+    assert told["map"]["mesh"]["holes"] > 0
     assert told["seconds_per_frame"] > 0
 
 
@@ -106,6 +112,13 @@ def test_clouds_of_frames_lie_on_the_map(mapped: Path):
     assert np.median(apart) < 0.1
 
 
+def test_the_mesh_lies_on_the_points(mapped: Path):
+    meshes = [read_mesh(mapped / name) for name in ("mesh.ply", "mesh.glb")]
+    assert len(meshes[0]) == len(meshes[1])
+    apart, _ = cKDTree(meshes[0].vertices).query(read_ply(mapped / "map.ply").xyz)
+    assert np.median(apart) < 0.1  # its voxels'
+
+
 def test_the_film_shows_every_frame(mapped: Path):
     with av.open(str(mapped / "odometry.mp4")) as film:
         pictures = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
@@ -141,6 +154,7 @@ def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(mapped: Path, tmp_pat
     again = [file for file, before in done.items() if file.stat().st_mtime_ns != before]
     assert len(again) <= 1 < len(done)
     names = ["trajectory.tum", "trajectory_kitti.txt", "map.ply", "street.mcap", "odometry.mp4"]
+    names += ["mesh.ply", "mesh.glb"]
     names += [str(cloud.relative_to(mapped)) for cloud in (mapped / "frames").iterdir()]
     names += [str(tile.relative_to(mapped)) for tile in (mapped / "tiles").iterdir()]
     for name in names:

@@ -14,6 +14,7 @@ from pseudolidar.geometry.frames import MAP, left_in_base_link
 from pseudolidar.mapping.free_space import FreeSpace
 from pseudolidar.mapping.fusion import TemporalFusion
 from pseudolidar.mapping.map_points import FramePoints, MapPoints
+from pseudolidar.mapping.mesh import TsdfMesh
 from pseudolidar.mapping.tiles import MapTiles, TileStore
 from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import CrewPlan
@@ -29,6 +30,7 @@ from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.pose import Pose
 
 TILE_FOLDER, WHOLE_NAME, FRAME_FOLDER = "tiles", "map", "frames"
 SUMS_FOLDER, FREE_NAME = "sums", "free_space"
@@ -44,11 +46,13 @@ class MapSettings:
         fusion: how disparities of neighbouring frames become one.
         points: which pixels are sure enough.
         tiles: how points are averaged and kept.
+        mesh: how a mesh is made.
     """
 
     fusion: TemporalFusion = field(default_factory=TemporalFusion)
     points: MapPoints = field(default_factory=MapPoints)
     tiles: MapTiles = field(default_factory=MapTiles)
+    mesh: TsdfMesh = field(default_factory=TsdfMesh)
 
 
 @dataclass(frozen=True)
@@ -77,9 +81,12 @@ class MapBuilder:
         folder: output folder.
         rig: with the correction that motion told.
         settings: how.
+        meshed: make a mesh, too.
     """
 
-    def __init__(self, folder: Path, rig: StereoRig, settings: MapSettings) -> None:
+    def __init__(
+        self, folder: Path, rig: StereoRig, settings: MapSettings, *, meshed: bool = False
+    ) -> None:
         self._rig, self._settings = rig, settings
         self._T_base_left = left_in_base_link(rig).matrix
         work = folder / WORK_FOLDER
@@ -89,6 +96,7 @@ class MapBuilder:
         self._fusion = settings.fusion.start()
         self._tiles: TileStore = settings.tiles.start(sums, MAP)
         self._free = FreeSpace(work / FREE_NAME, rig)
+        self.mesh = settings.mesh.start(rig) if meshed else None
 
     def add(
         self, frame: StereoFrame, disparity: DisparityMap, T_odom_camera: Float64
@@ -96,9 +104,14 @@ class MapBuilder:
         """A frame, where it was taken; its points in the map."""
         T_map_camera = self._T_base_left @ T_odom_camera
         fused = self._fusion.add(disparity, self._rig, T_map_camera)
-        points = self._settings.points.of(fused, colours_of(frame))
+        rgb = colours_of(frame)
+        points = self._settings.points.of(fused, rgb)
         self._tiles.add(points, T_map_camera)
         self._free.add(fused.depth_m, T_map_camera)
+        if self.mesh is not None:
+            agreed = np.where(fused.counts >= self._settings.points.frames, fused.depth_m, np.nan)
+            pose = Pose(MAP, self._rig.left.frame, T_map_camera)
+            self.mesh.integrate(agreed.astype(np.float32), fused.sigma_m, rgb, pose)
         return cloud_of(points, T_map_camera, frame.timestamp_ns)
 
     def clouds(self) -> Iterator[tuple[tuple[int, int], PointCloud]]:
@@ -115,6 +128,7 @@ def built(
     settings: MapSettings,
     *,
     frame_kinds: Sequence[str] = (),
+    meshed: bool = False,
 ) -> MapBuilder:
     """All frames of a piece of path, put together.
 
@@ -125,11 +139,13 @@ def built(
         rig: with the correction that motion told.
         settings: how.
         frame_kinds: formats in which the points of each frame are written too, in the map.
+        meshed: make a mesh, too.
 
     Raises:
         OutputError: the disk is full or gone.
+        MemoryLimit: the mesh does not fit.
     """
-    builder = MapBuilder(folder, rig, settings)
+    builder = MapBuilder(folder, rig, settings, meshed=meshed)
     clouds_folder = folder / FRAME_FOLDER
     if frame_kinds:
         clouds_folder.mkdir(exist_ok=True)

@@ -131,8 +131,14 @@ class MapReport:
         return lines
 
     def _map_lines(self) -> list[str]:
-        points = self.map.get("points")
-        return [] if points is None else [f"  map of {points:,} points"]
+        points, mesh = self.map.get("points"), self.map.get("mesh")
+        lines = [] if points is None else [f"  map of {points:,} points"]
+        if mesh is not None:
+            lines.append(
+                f"  mesh of {mesh['triangles']:,} triangles, {mesh['area_m2']:.0f} m2, "
+                f"{counted(mesh['holes'], 'hole')} of {mesh['holes_m2']:.1f} m2"
+            )
+        return lines
 
 
 def errors_of(pieces: Sequence[Piece]) -> TrajectoryErrors | None:
