@@ -14,6 +14,7 @@ from pseudolidar.errors import ALL_DONE, SOME_SKIPPED, UsageError
 from pseudolidar.formats.mcap.content import McapContent
 from pseudolidar.formats.rigs.rig_json import write_rig
 from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.mapping.loops import LoopFinder
 from pseudolidar.mapping.odometry import Fused, Kiss, Vision
 from pseudolidar.obstacles.detectors import AnyDetector
 from pseudolidar.running.apart import check_apart, paths_read
@@ -43,6 +44,7 @@ from pseudolidar.running.networks import networks_of
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.products.recording import RecordingPlan
 from pseudolidar.running.rehearsal import Rehearsal, rehearse
+from pseudolidar.running.reports.loop_sections import loop_sections
 from pseudolidar.running.reports.map_page import write_map_page
 from pseudolidar.running.reports.map_pictures import map_sections
 from pseudolidar.running.reports.map_report import MapReport, errors_of
@@ -103,6 +105,7 @@ class Map:
             those that agree and orange the others, who was asked about the step, disparities.
         odometry: vision alone; `kiss`, KISS-ICP on the scans of a LiDAR alone; or `fused`, vision
             whose every step is checked by the pictures and laid on KISS-ICP's map.
+        loops: how returns to known places are found, by which the path is closed; `none` for not.
         map: how the map is made: --map.tiles.voxel 0.1 for a coarser one.
         detector: masks what may move by itself, such as the cars that a network finds; without it
             what moves is found by its motion, which takes less than half of the picture to move.
@@ -141,6 +144,7 @@ class Map:
     mesh_to: MeshOutputs = field(default_factory=MeshOutputs)
     debug_video: bool = False
     odometry: Fused | Vision | Kiss = field(default_factory=Fused)
+    loops: LoopFinder | None = field(default_factory=LoopFinder)
     map: MapSettings = field(default_factory=MapSettings)
     detector: AnyDetector | None = None
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
@@ -215,7 +219,9 @@ def run(job: Map) -> MapReport | Rehearsal:
             crew=job.crew,
             searching=job.searching,
         )
-        walk, begun_s = Walk(job.odometry.start(source.rig), source.rig), time.monotonic()
+        loops = None if job.loops is None else job.loops.start(source.rig)
+        walk = Walk(job.odometry.start(source.rig), source.rig, loops)
+        begun_s = time.monotonic()
         film = OdometryFilm(job.out) if job.debug_video else None
         match_once = replace(match_once, known=known)
         outcomes = stream(source, match_once, crew=job.crew, in_flight=run.in_flight)
@@ -227,7 +233,8 @@ def run(job: Map) -> MapReport | Rehearsal:
             if film is not None:
                 film.add(matched, registered)
         seconds = time.monotonic() - begun_s
-        pieces = walk.pieces()
+        walked = walk.walked()
+        pieces = walked.pieces
         rig = source.rig.with_correction(walk.correction or source.rig.correction)
         files = path_files(job, walk, pieces, rig)
         if film is not None:
@@ -241,14 +248,17 @@ def run(job: Map) -> MapReport | Rehearsal:
         run.result(),
         job.out,
         walk.placed,
-        pieces,
+        walked,
         errors_of(pieces),
         seconds / frames if frames else None,
         files,
         made.figures,
     )
     page = write_map_page(
-        report, source.rig, settings=chosen(job), more=map_sections(made.whole, pieces, source.rig)
+        report,
+        source.rig,
+        settings=chosen(job),
+        more=[*map_sections(made.whole, pieces, source.rig), *loop_sections(walked, source)],
     )
     return replace(report, files=(*files, page))
 

@@ -18,6 +18,28 @@ def cleaned(mesh: Mesh, *, smallest_part_m2: float) -> Mesh:
     return mesh.only(part_m2[part] >= smallest_part_m2)
 
 
+def ordered(mesh: Mesh) -> Mesh:
+    """The mesh with vertices and triangles by where they are; vertices alike become one.
+
+    open3d's blocks come in any order: without this no two runs would write the same bytes.
+    """
+    columns = [mesh.vertices, *([] if mesh.normals is None else [mesh.normals])]
+    columns += [] if mesh.rgb is None else [mesh.rgb.astype(np.float32)]
+    rows = np.ascontiguousarray(np.concatenate(columns, axis=1))
+    _, kept, number = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    triangles = number.reshape(-1)[mesh.triangles]
+    turn = triangles.argmin(axis=1)[:, None] + np.arange(3)  # the lowest number first
+    triangles = np.take_along_axis(triangles, turn % 3, axis=1)
+    triangles = triangles[np.lexsort(triangles.T[::-1])].astype(np.int32)
+    return Mesh(
+        mesh.vertices[kept],
+        triangles,
+        mesh.frame,
+        None if mesh.rgb is None else mesh.rgb[kept],
+        None if mesh.normals is None else mesh.normals[kept],
+    )
+
+
 def decimated(mesh: Mesh, triangles: int) -> Mesh:
     """At most about `triangles` triangles, merged where the surface changes least by it.
 

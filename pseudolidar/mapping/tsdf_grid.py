@@ -9,7 +9,7 @@ import numpy as np
 from pseudolidar.errors import MemoryLimit
 from pseudolidar.geometry.open3d_library import load_open3d
 from pseudolidar.mapping import tsdf_kernels as kernels
-from pseudolidar.mapping.mesh_cleaning import cleaned, decimated
+from pseudolidar.mapping.mesh_cleaning import cleaned, decimated, ordered
 from pseudolidar.mapping.pixel_planes import pixel_planes
 from pseudolidar.structures.arrays import AnyArray, Float32, Int64, UInt8
 from pseudolidar.structures.camera import StereoRig
@@ -84,7 +84,7 @@ class TsdfGrid:
             surface.vertex.normals.numpy().copy(),
         )  # fmt: skip
         smallest_m2 = self.settings.smallest_part * self.voxel_m**2
-        clean = cleaned(raw, smallest_part_m2=smallest_m2)
+        clean = cleaned(ordered(raw), smallest_part_m2=smallest_m2)
         return decimated(clean, self.settings.triangles) if self.settings.triangles else clean
 
     def _planes(self, depth_m: Float32, sigma_m: Float32) -> Float32:

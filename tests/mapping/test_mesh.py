@@ -5,7 +5,7 @@ from pseudolidar.errors import MemoryLimit
 from pseudolidar.geometry.depth import depth_map
 from pseudolidar.geometry.mesh_holes import openings
 from pseudolidar.mapping.mesh import TsdfMesh
-from pseudolidar.mapping.mesh_cleaning import cleaned, decimated
+from pseudolidar.mapping.mesh_cleaning import cleaned, decimated, ordered
 from pseudolidar.running.installation.part_trials import trial_frame
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.mesh import Mesh
@@ -132,3 +132,16 @@ def test_decimation_keeps_a_flat_sheet_whole():
     few = decimated(sheet(20), 100)
     assert len(few) <= 100
     assert few.areas_m2.sum() == pytest.approx(400.0, rel=1e-3)
+
+
+def test_the_order_of_a_mesh_is_that_of_its_places():
+    mesh = fused(wall(WALL_M, 0.1), wall(WALL_M, 0.1))
+    rng = np.random.default_rng(2)
+    to = rng.permutation(len(mesh.vertices))
+    back = np.argsort(to)
+    rolled = np.roll(back[mesh.triangles][rng.permutation(len(mesh))], 1, axis=1).astype(np.int32)
+    shuffled = Mesh(mesh.vertices[to], rolled, mesh.frame, mesh.rgb[to], mesh.normals[to])
+    one, other = ordered(mesh), ordered(shuffled)
+    assert np.array_equal(one.vertices, other.vertices)
+    assert np.array_equal(one.triangles, other.triangles)
+    assert np.array_equal(np.sort(one.areas_m2), np.sort(mesh.areas_m2))

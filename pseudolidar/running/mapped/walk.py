@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pseudolidar.geometry.frames import left_in_base_link
+from pseudolidar.mapping.loops import LoopSearch
+from pseudolidar.mapping.pose_graph import closed
 from pseudolidar.mapping.registered import OdometryChain, Registered
 from pseudolidar.structures.arrays import Float64, Int64
 from pseudolidar.structures.box import Detection
@@ -15,6 +17,7 @@ from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.loop import LoopClosure
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +60,14 @@ class Walk:
     Args:
         chain: begun.
         rig: of all frames.
+        loops: begun; None where returns are not looked for.
     """
 
-    def __init__(self, chain: OdometryChain, rig: StereoRig) -> None:
+    def __init__(
+        self, chain: OdometryChain, rig: StereoRig, loops: LoopSearch | None = None
+    ) -> None:
         self._chain, self._T_base_left = chain, left_in_base_link(rig).matrix
+        self._loops, self._found = loops, list[LoopClosure]()
         self.placed: list[Placed] = []
 
     def step(
@@ -89,6 +96,16 @@ class Walk:
                 truth,
             )
         )
+        if self._loops is not None and state.keyframe and state.T_odom_camera is not None:
+            self._found += self._loops.add(
+                frame.index,
+                frame,
+                disparity,
+                state.T_odom_camera.matrix,
+                piece=state.piece,
+                movable=tuple(movable),
+                correction=self.correction,
+            )
         return registered
 
     @property
@@ -96,14 +113,43 @@ class Walk:
         """What the motion told of the rig."""
         return self._chain.correction
 
-    def pieces(self) -> tuple[Piece, ...]:
-        """The path, by all that is known at the end; the longest piece first."""
+    def walked(self) -> Walked:
+        """The path, by all that is known at the end, with its loops closed.
+
+        Raises:
+            MissingDependency: there are loops, and open3d is absent.
+        """
+        path = closed(self._chain.trajectories(), self._found)
         pieces = []
-        for number, path in enumerate(self._chain.trajectories()):
-            frames = tuple(one for one in self.placed if one.piece == number and not one.lost)
-            if len(frames) == len(path):
-                pieces.append(Piece(frames, path.T_world_body))
-        return tuple(sorted(pieces, key=lambda piece: -len(piece.frames)))
+        for number in sorted(set(path.maps)):
+            joined = [i for i, one in enumerate(path.maps) if one == number]
+            frames = tuple(one for one in self.placed if one.piece in joined and not one.lost)
+            poses = np.concatenate([path.trajectories[i].T_world_body for i in joined])
+            if len(frames) == len(poses):
+                pieces.append(Piece(frames, poses))
+        longest_first = tuple(sorted(pieces, key=lambda piece: -len(piece.frames)))
+        refused = {} if self._loops is None else self._loops.refused
+        names = {one.index: one.id for one in self.placed}
+        return Walked(longest_first, path.used, path.dropped, refused, names)
+
+
+@dataclass(frozen=True, eq=False)
+class Walked:
+    """A path with its loops.
+
+    Args:
+        pieces: whose poses have nothing in common, the longest first.
+        loops: that the path keeps.
+        dropped: loops that disagree with all the rest.
+        refused: how many candidates were none, by reason.
+        names: ids of frames by their index.
+    """
+
+    pieces: tuple[Piece, ...]
+    loops: tuple[LoopClosure, ...] = ()
+    dropped: tuple[LoopClosure, ...] = ()
+    refused: Mapping[str, int] = field(default_factory=dict)
+    names: Mapping[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

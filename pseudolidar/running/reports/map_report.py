@@ -9,9 +9,10 @@ from typing import Any
 
 from pseudolidar.evaluation.trajectory.judge import TrajectoryErrors, judge_trajectory
 from pseudolidar.evaluation.trajectory.pairing import FEWEST_PAIRS, PairedPoses
-from pseudolidar.running.mapped.walk import Piece, Placed
+from pseudolidar.running.mapped.walk import Piece, Placed, Walked
 from pseudolidar.running.reports.numbers import counted, percent
 from pseudolidar.running.results import RunResult
+from pseudolidar.structures.loop import LoopClosure
 
 # Frames that are named one by one.
 NAMED_FRAMES = 5
@@ -25,7 +26,7 @@ class MapReport:
         result: frames, figures and times.
         out: output folder.
         placed: every frame, in order.
-        pieces: of path, the longest first; frames that were lost are in none.
+        walked: the path with its loops; frames that were lost are in none of its pieces.
         errors: of the longest against the poses of the source; None where it has none.
         seconds_per_frame: wall time of matching and odometry together.
         files: what there is to open.
@@ -35,7 +36,7 @@ class MapReport:
     result: RunResult
     out: Path
     placed: Sequence[Placed]
-    pieces: Sequence[Piece]
+    walked: Walked
     errors: TrajectoryErrors | None
     seconds_per_frame: float | None
     files: Sequence[Path] = ()
@@ -45,6 +46,11 @@ class MapReport:
     def exit_code(self) -> int:
         """0 all done, 4 some frames skipped, 130 or 143 stopped."""
         return self.result.exit_code
+
+    @property
+    def pieces(self) -> Sequence[Piece]:
+        """Of path, the longest first."""
+        return self.walked.pieces
 
     @property
     def lost(self) -> list[Placed]:
@@ -83,6 +89,9 @@ class MapReport:
             told |= self.errors.summary()
         return told | {
             "pieces": len(self.pieces),
+            "loops": [loop_dict(loop) for loop in self.walked.loops],
+            "loops_dropped": [loop_dict(loop) for loop in self.walked.dropped],
+            "loops_refused": dict(self.walked.refused),
             "lost": [one.id for one in self.lost],
             "corrected": [one.id for one in self.corrected],
         }
@@ -123,6 +132,11 @@ class MapReport:
         lines += [f"  lost: {one.id}: {one.why}" for one in self.lost[:NAMED_FRAMES]]
         more_lost = len(self.lost) - NAMED_FRAMES
         lines += [f"  lost: {more_lost} more"] if more_lost > 0 else []
+        if self.walked.loops or self.walked.dropped:
+            lines.append(
+                f"  {counted(len(self.walked.loops), 'loop')} closed, "
+                f"{len(self.walked.dropped)} dropped: see the report's pictures"
+            )
         if self.corrected:
             names = ", ".join(one.id for one in self.corrected[:NAMED_FRAMES])
             lines.append(
@@ -139,6 +153,22 @@ class MapReport:
                 f"{counted(mesh['holes'], 'hole')} of {mesh['holes_m2']:.1f} m2"
             )
         return lines
+
+
+def loop_dict(loop: LoopClosure) -> dict[str, float | int]:
+    """What a loop rests on, plain JSON values."""
+    return {
+        "earlier": loop.earlier.index,
+        "later": loop.later.index,
+        "points": loop.inliers,
+        "matches": loop.matches,
+        "residual_px": loop.residual_px,
+        "overlap": loop.overlap,
+        "both_ways_m": loop.both_ways_m,
+        "both_ways_deg": loop.both_ways_deg,
+        "correction_m": loop.correction_m,
+        "correction_deg": loop.correction_deg,
+    }
 
 
 def errors_of(pieces: Sequence[Piece]) -> TrajectoryErrors | None:
