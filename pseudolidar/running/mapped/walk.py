@@ -128,7 +128,8 @@ class Walk:
             if len(frames) == len(poses):
                 pieces.append(Piece(frames, poses))
         longest_first = tuple(sorted(pieces, key=lambda piece: -len(piece.frames)))
-        refused = {} if self._loops is None else self._loops.refused
+        told = {} if self._loops is None else self._loops.refused
+        refused = {str(why): count for why, count in told.items() if count}
         names = {one.index: one.id for one in self.placed}
         return Walked(longest_first, path.used, path.dropped, refused, names)
 
