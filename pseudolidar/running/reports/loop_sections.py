@@ -35,7 +35,7 @@ def loop_sections(walked: Walked, source: FrameSource) -> list[Section]:
     every = [*walked.loops, *walked.dropped]
     if not every and not walked.refused:
         return []
-    refused = ", ".join(f"{count} {why.replace('_', ' ')}" for why, count in sorted(walked.refused.items()))
+    refused = ", ".join(f"{n} {why.replace('_', ' ')}" for why, n in sorted(walked.refused.items()))
     text = f"{counted(len(walked.loops), 'loop')} closed, {len(walked.dropped)} dropped by the rest"
     rows = [_row(loop, walked) for loop in walked.loops]
     rows += [_row(loop, walked, " (dropped)") for loop in walked.dropped]
