@@ -14,7 +14,9 @@ from pseudolidar.obstacles.footprint import Edges, Footprint, fitted
 from pseudolidar.obstacles.frustum import Frustum
 from pseudolidar.obstacles.height import Span, upright_span
 from pseudolidar.obstacles.level import level_axes, turned
-from pseudolidar.obstacles.patch import PatchDepth, patch_depth
+from pseudolidar.obstacles.outline import outline_depth
+from pseudolidar.obstacles.patch import patch_depth
+from pseudolidar.obstacles.patch_matching import PatchDepth
 from pseudolidar.obstacles.plausible import (
     BORDER_PX,
     EDGE_PX,
@@ -69,7 +71,7 @@ def _obstacle(sight: Sight, detection: Detection, owned: Owned, R: Float64) -> O
     contour = _contour(sight, _surest(owned.pixels), R, size) if len(owned.pixels) else None
     patch = None
     if not size.round_m and (contour is None or contour.is_flat):
-        patch = patch_depth(sight, detection)
+        patch = outline_depth(sight, detection) or patch_depth(sight, detection)
     if patch is not None:
         contour = _facing(sight, detection, patch, R)
     if contour is None:

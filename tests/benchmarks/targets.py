@@ -37,7 +37,7 @@ from pseudolidar.structures.obstacle import Obstacle
 
 SEEDS, WIDTH_M, THICK_M = 20, 0.13, 0.01
 RED, PURPLE = (0.55, 0.06, 0.05), (0.45, 0.05, 0.55)
-HUE = Colour(Hues.parse("270-310"), least_pixels=8)
+HUE = Colour(Hues.parse("270-310"), least_pixels=6, opening=1)
 PLACE, RATE_HZ, NEAREST_M = (-5.0, -2.4, SENSOR_HEIGHT_M), 10.0, 0.35
 # True distances, and the thesis' errors of distance and width, m; of the first table (red object,
 # uncalibrated, 10.6 cm) and of the last two (drawn box; red object 13 cm).
