@@ -19,6 +19,7 @@ from pseudolidar.mapping.integrity import StepCheck, checked
 from pseudolidar.mapping.kiss_library import load_kiss
 from pseudolidar.mapping.patches import Patches, find_patches
 from pseudolidar.mapping.registered import Registered
+from pseudolidar.mapping.scan_witness import ScanPlanes, ScanWitness
 from pseudolidar.mapping.second_look import SecondLook
 from pseudolidar.mapping.surface_map import SurfaceMap, Surfaces
 from pseudolidar.structures.arrays import Float64, UInt8
@@ -73,10 +74,11 @@ class _Seen:
     grey: UInt8
     patches: Patches
     some: Patches
+    scan: ScanPlanes | None
 
 
 class FusedChain:
-    """Vision's steps, checked and laid on the map, in order.
+    """Vision's steps, checked and laid on maps of patches and of scans, in order.
 
     Args:
         visual: begun.
@@ -122,7 +124,7 @@ class FusedChain:
         patches = find_patches(disparity, self._rig.with_correction(self._visual.correction))
         some = patches[:: max(1, len(patches) // MOST_PATCHES)]
         grey = grey8_pair(frame.left, frame.right)[0]
-        seen = _Seen(frame.timestamp_ns, grey, patches, some)
+        seen = _Seen(frame.timestamp_ns, grey, patches, some, self._scan_of(frame))
         if state.step is None or self._last is None:
             told = self._begin(state, seen)
         else:
@@ -130,11 +132,17 @@ class FusedChain:
         self._last = seen
         return told
 
+    def _scan_of(self, frame: StereoFrame) -> ScanPlanes | None:
+        T_left_lidar = self._rig.T_left_velodyne
+        if frame.scan is None or T_left_lidar is None:
+            return None
+        return ScanPlanes.of(frame.scan, T_left_lidar)
+
     def _begin(self, state: OdometryState, seen: _Seen) -> Registered:
         self._pieces.append(FusedPath(seen.timestamp_ns))
         self._map, self._threshold = SurfaceMap(self._kiss), self._kiss.threshold()
-        self._twist_per_s = None
-        self._remember(seen.patches, np.eye(4))
+        self._twist_per_s, self._scans = None, ScanWitness()
+        self._remember(seen, np.eye(4))
         return Registered(state)
 
     def _go_on(
@@ -145,14 +153,20 @@ class FusedChain:
         surfaces = self._map.surfaces()
         within_m = WITHIN_THRESHOLDS * float(self._threshold.get_threshold())
         check = self._checked(step, seen, last, surfaces, within_m)
-        prior = self._prior(step, check)
-        found = align(seen.some, surfaces, prior, within_m=within_m)
+        prior = self._prior(step, check, with_offset=seen.scan is not None)
+        by_scan = self._scans.align(seen.scan, prior) if seen.scan else None
+        found = by_scan or align(seen.some, surfaces, prior, within_m=within_m)
         self._threshold.update_model_deviation(inverted(prior.T_odom_sensor) @ found.T_odom_sensor)
-        self._remember(seen.patches, found.T_odom_sensor)
-        fused = _fused(path.T_odom_camera, step, check, found)
+        self._remember(seen, found.T_odom_sensor)
+        if check.wrong:
+            doubt = np.asarray(np.linalg.inv(prior.information))
+            step = replace(step, covariance=doubt, by_offset=np.zeros(6))
+        # A scan has put right by then what vision learns later of the rig.
+        follows = float(not check.wrong and by_scan is None)
+        fused = _fused(path.T_odom_camera, step, prior, found, follows=follows)
         path.add(seen.timestamp_ns, fused)
         self._twist_per_s = log_twist(fused.T_from_to) / seconds
-        return Registered(self._told(state, step, fused), check, found)
+        return Registered(self._told(state, step, fused), check, found, by_scan is not None)
 
     def _checked(
         self, step: CameraStep, seen: _Seen, last: _Seen, surfaces: Surfaces, within_m: float
@@ -171,11 +185,16 @@ class FusedChain:
             map_score,
         )
 
-    def _prior(self, step: CameraStep, check: StepCheck) -> Prior:
+    def _prior(self, step: CameraStep, check: StepCheck, *, with_offset: bool) -> Prior:
+        """What vision knows; the offset's doubt is none of patches, which share it."""
         T_prior = self._pieces[-1].T_odom_camera @ check.T_from_to
         if check.wrong:
             return Prior.within(T_prior, metres=REPLACED_M, rad=REPLACED_RAD)
-        return Prior(T_prior, step.information)
+        covariance = step.covariance
+        if with_offset:
+            by_offset = step.by_offset * self._visual.offset.sigma_px
+            covariance = covariance + np.outer(by_offset, by_offset)
+        return Prior(T_prior, np.asarray(np.linalg.inv(covariance)))
 
     def _told(self, state: OdometryState, step: CameraStep, fused: FusedStep) -> OdometryState:
         """Vision's state with the pose, the step and the doubts that are right in the end."""
@@ -192,18 +211,24 @@ class FusedChain:
             covariance=path.doubt.total(self._visual.offset),
         )
 
-    def _remember(self, patches: Patches, T_odom_camera: Float64) -> None:
+    def _remember(self, seen: _Seen, T_odom_camera: Float64) -> None:
+        patches = seen.patches
         self._map.add(patches.xyz[patches.depth_m < MAPPED_M], T_odom_camera)
+        if seen.scan:
+            self._scans.remember(seen.scan, T_odom_camera)
 
 
-def _fused(T_odom_last: Float64, step: CameraStep, check: StepCheck, found: Alignment) -> FusedStep:
-    """The step that was found, and what is vision's of it."""
-    covariance = np.asarray(np.linalg.inv(found.information))
-    gain = np.zeros((6, 6)) if check.wrong else covariance @ step.information
+def _fused(
+    T_odom_last: Float64, step: CameraStep, prior: Prior, found: Alignment, *, follows: float
+) -> FusedStep:
+    """The step that was found, and how far it follows vision's when that is put right."""
+    total = np.asarray(np.linalg.inv(found.information))
+    gain = total @ prior.information
+    others = found.information - prior.information
     return FusedStep(
         inverted(T_odom_last) @ found.T_odom_sensor,
         step.T_from_to,
-        gain,
-        covariance,
+        follows * gain,
+        gain @ step.covariance @ gain.T + total @ others @ total,
         gain @ step.by_offset,
     )

@@ -21,7 +21,7 @@ class FusedStep:
         T_from_to: (4, 4) the step.
         T_vision: (4, 4) vision's, as it was told.
         gain: (6, 6) how much of a change of vision's step, a twist on its right, the step takes
-            over; 0 where vision was wrong, almost 1 where others add little.
+            over; 0 where vision was wrong or a scan took part, almost 1 where others add little.
         covariance: (6, 6) of a twist on its right, without that of the rig's offset.
         by_offset: (6,) per px of offset, which all steps share.
     """

@@ -61,6 +61,8 @@ class Kiss:
 class Fused:
     """Stereo visual odometry whose every step is checked and laid on KISS-ICP's map.
 
+    Frames that have a scan of a LiDAR are laid on the map of scans instead of that of patches.
+
     Args:
         visual: settings of vision.
     """

@@ -26,11 +26,13 @@ class Registered:
         state: as vision tells it, of the pose that is right in the end.
         check: what other witnesses said of vision's step; None where there was none.
         alignment: how the frame lies on the map; None without a map.
+        by_scan: whether that is the frame's scan on the map of scans, and not its patches.
     """
 
     state: OdometryState
     check: StepCheck | None = None
     alignment: Alignment | None = None
+    by_scan: bool = False
 
 
 class OdometryChain(Protocol):

@@ -6,7 +6,7 @@ import pytest
 from pseudolidar.geometry.twists import exp_twist, inverted
 from pseudolidar.mapping.disparity_offset import Offset
 from pseudolidar.mapping.fused_path import FusedPath, FusedStep
-from pseudolidar.structures.pose import Trajectory
+from pseudolidar.structures.pose import Trajectory, rotation_error
 
 STEP = exp_twist(np.array([0.02, 0.0, 1.0, 0.0, 0.03, 0.0]))
 STRETCHED = exp_twist(np.array([0.02, 0.0, 1.01, 0.0, 0.03, 0.0]))
@@ -53,3 +53,13 @@ def test_the_offset_is_one_error_of_all_steps():
     )
     # four steps of 0.02 m/px are 0.08 m, not twice 0.02 m
     assert np.sqrt(unknown[2, 2] - known[2, 2]) == pytest.approx(0.08, rel=0.02)
+
+
+def test_poses_stay_rigid_over_many_steps():
+    one = FusedPath(0)
+    for at in range(200):
+        # a step as it is found: between poses of the map
+        found = one.T_odom_camera @ STEP
+        T = inverted(one.T_odom_camera) @ found
+        one.add(at + 1, FusedStep(T, STEP, np.eye(6), COVARIANCE, BY_OFFSET))
+    assert rotation_error(one.T_odom_camera[:3, :3]) < 1e-12

@@ -17,6 +17,7 @@ from pseudolidar.mapping.patches import find_patches
 from pseudolidar.mapping.surface_map import Surfaces
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.disparity import DisparityMap
+from pseudolidar.structures.frame import LidarScan
 from pseudolidar.structures.odometry import CameraStep, OdometryState
 from pseudolidar.structures.pose import Pose, rotation_error
 
@@ -44,8 +45,10 @@ class Told:
 
     correction, offset = None, Offset()
 
-    def __init__(self, truth, fault):
+    def __init__(self, truth, fault, *, always=False, by_offset=None):
         self.truth, self.fault, self.number = truth, fault, -1
+        self.always = always
+        self.by_offset = np.zeros(6) if by_offset is None else by_offset
 
     def register(self, frame, *_):
         self.number += 1
@@ -53,9 +56,11 @@ class Told:
             pose = Pose.identity("odom", frame.rig.left.frame)
             return OdometryState("first", pose, covariance=np.zeros((6, 6)))
         T = inverted(self.truth[self.number - 1]) @ self.truth[self.number]
-        T = self.fault(T) if self.number == FRAMES - 1 else T
+        T = self.fault(T) if self.always or self.number == FRAMES - 1 else T
         pose = Pose("odom", frame.rig.left.frame, self.truth[self.number])
-        return OdometryState("ok", pose, step=CameraStep(T, DOUBT), covariance=DOUBT)
+        return OdometryState(
+            "ok", pose, step=CameraStep(T, DOUBT, by_offset=self.by_offset), covariance=DOUBT
+        )
 
 
 def drive(frames, truth, fault):
@@ -98,6 +103,33 @@ def test_vision_and_fused_tell_the_same_of_a_street(street):
     for path in paths:
         assert not path.covariance[0].any()
         assert np.linalg.eigvalsh(path.covariance[-1])[0] > 0
+
+
+def test_scans_put_right_what_an_unknown_offset_does_to_steps(street):
+    frames, truth = street
+    way_m, errors_m = np.linalg.norm(truth[-1][:3, 3]), {}
+    for seen in ("scans", "patches", "too few points"):
+        # lengths are off by 3 %, and an offset that is unsure by 1 px would make 5 % of them
+        unsure = np.array([0.0, 0.0, 0.05 * way_m / (FRAMES - 1), 0.0, 0.0, 0.0])
+        longer = Told(truth, stretched, always=True, by_offset=unsure)
+        chain, told = FusedChain(longer, frames[0].rig), []
+        for frame in frames:
+            scan = {
+                "scans": frame.scan,
+                "patches": None,
+                "too few points": LidarScan(frame.scan.xyz[:50].copy()),
+            }[seen]
+            told.append(chain.register(replace(frame, scan=scan), frame.truth))
+        assert [one.by_scan for one in told[1:]] == [seen == "scans"] * (FRAMES - 1)
+        T = told[-1].state.T_odom_camera.matrix
+        errors_m[seen] = np.linalg.norm(T[:3, 3] - truth[-1][:3, 3])
+    assert errors_m["scans"] < 0.005 * way_m
+    assert errors_m["patches"] > 0.02 * way_m
+    assert errors_m["too few points"] == errors_m["patches"]
+
+
+def stretched(T):
+    return np.block([[T[:3, :3], 1.03 * T[:3, 3:]], [T[3:]]])
 
 
 def test_kiss_alone_wants_scans_and_follows_the_camera_by_them(street):

@@ -1,0 +1,85 @@
+"""Scans of a LiDAR as a witness of vision's steps: their planes laid on the map of those before.
+
+KISS-ICP's own point to point ICP holds on to the rings of the scan before where steps are short
+against its voxels; small planes slide along themselves, and vision holds what they leave open.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pseudolidar.mapping.alignment import Alignment, Prior, align
+from pseudolidar.mapping.kiss_library import load_kiss, thinned
+from pseudolidar.mapping.patches import Patches
+from pseudolidar.mapping.scan_map import ready
+from pseudolidar.mapping.surface_map import SurfaceMap, Surfaces
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.frame import LidarScan
+from pseudolidar.structures.pose import Pose
+
+# Side of the map's voxels and its reach, m; scans are thinned to half a voxel, and of so many
+# points the planes are looked at.
+VOXEL_M, FARTHEST_M, MOST_PLANES = 0.5, 60.0, 2500
+# Nearer points are of what carries the sensor, m.
+NEAREST_M = 1.0
+# One standard deviation of a range, m, and how far steps of vision are off at first.
+SIGMA_M, FIRST_THRESHOLD_M = 0.02, 0.15
+# Planes are matched within so many thresholds. A scan says something if it has so many planes, and
+# so large a share of them lies on the map.
+WITHIN_THRESHOLDS, LEAST_PLANES, LEAST_MATCHED = 3.0, 100, 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class ScanPlanes:
+    """A scan in the left camera's frame.
+
+    Args:
+        xyz: (N, 3) float64 m, thinned.
+        planes: small surfaces at some of its points.
+    """
+
+    xyz: Float64
+    planes: Patches
+
+    @classmethod
+    def of(cls, scan: LidarScan, T_left_lidar: Pose) -> ScanPlanes | None:
+        """None where there are too few planes to say anything.
+
+        Raises:
+            SequenceTime: times of points that are not of this scan.
+        """
+        points = ready(scan, nearest_m=NEAREST_M, farthest_m=FARTHEST_M, twist_per_s=None)
+        xyz = T_left_lidar.apply(thinned(points.xyz, VOXEL_M / 2))
+        if len(xyz) < LEAST_PLANES:
+            return None
+        some = np.arange(0, len(xyz), max(1, len(xyz) // MOST_PLANES))
+        normals = Surfaces(xyz).normals(some)
+        flat = np.isfinite(normals).all(axis=1)
+        planes = Patches(xyz[some[flat]], normals[flat], np.full(int(flat.sum()), SIGMA_M))
+        return cls(xyz, planes) if len(planes) >= LEAST_PLANES else None
+
+
+class ScanWitness:
+    """The map of scans so far, from where a piece of path begins.
+
+    Raises:
+        MissingDependency: kiss-icp is absent.
+    """
+
+    def __init__(self) -> None:
+        kiss = load_kiss(voxel_m=VOXEL_M, farthest_m=FARTHEST_M, threshold_m=FIRST_THRESHOLD_M)
+        self._map, self._threshold = SurfaceMap(kiss), kiss.threshold()
+
+    def align(self, scan: ScanPlanes, prior: Prior) -> Alignment | None:
+        """The pose that scan and prior agree on; None where the scan does not lie on the map."""
+        if self._map.empty:
+            return None
+        within_m = WITHIN_THRESHOLDS * self._threshold.get_threshold()
+        found = align(scan.planes, self._map.surfaces(), prior, within_m=within_m)
+        return found if found.matched >= LEAST_MATCHED else None
+
+    def remember(self, scan: ScanPlanes, T_odom_camera: Float64) -> None:
+        """Add a scan where it is."""
+        self._map.add(scan.xyz, T_odom_camera)
