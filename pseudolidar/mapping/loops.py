@@ -18,7 +18,7 @@ from pseudolidar.errors import UsageError
 from pseudolidar.geometry.twists import inverted
 from pseudolidar.mapping.keyframe import movable_pixels
 from pseudolidar.mapping.loop_check import Refusal, consistent, verified
-from pseudolidar.mapping.place import Place, depth_cells, described
+from pseudolidar.mapping.place import Place, depth_cells, described, grey_cells
 from pseudolidar.mapping.words import WordIndex
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.box import Detection
@@ -137,6 +137,7 @@ class LoopSearch:
             d,
             descriptors,
             depth_cells(disparity, rig).astype(np.float16),
+            grey_cells(frame),
         )
         self._places.append(place)
         self._index.add(descriptors)

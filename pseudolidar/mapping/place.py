@@ -45,6 +45,7 @@ class Place:
         d: (N,) float32 px, their disparities, corrected.
         descriptors: (N, 32) uint8, ORB's.
         depth_cells_m: (h, w) float16 m, medians of cells, NaN where unknown.
+        grey_cells: (h, w) uint8, mean grey of the same cells.
     """
 
     number: int
@@ -55,6 +56,7 @@ class Place:
     d: Float32
     descriptors: UInt8
     depth_cells_m: Float16
+    grey_cells: UInt8
 
     def __len__(self) -> int:
         return len(self.d)
@@ -62,7 +64,7 @@ class Place:
     @property
     def bytes(self) -> int:
         """What it takes in memory."""
-        columns = (self.uv, self.d, self.descriptors, self.depth_cells_m, self.T_odom_camera)
+        columns = (self.uv, self.d, self.descriptors, self.depth_cells_m, self.grey_cells)
         return sum(column.nbytes for column in columns)
 
 
@@ -122,6 +124,16 @@ def depth_cells(disparity: DisparityMap, rig: StereoRig) -> Float32:
     enough = known >= LEAST_SHARE * ordered.shape[2]
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(enough & (d > LEAST_PX), rig.fB_px_m / d, np.nan).astype(np.float32)
+
+
+def grey_cells(frame: StereoFrame) -> UInt8:
+    """(h, w) mean grey of the left picture's cells."""
+    import cv2
+
+    grey = grey8_left(frame.left, frame.right)
+    height, width = (size // CELL_PX for size in grey.shape)
+    whole = grey[: height * CELL_PX, : width * CELL_PX]
+    return np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def cell_centres(shape: tuple[int, int]) -> tuple[Float64, Float64]:

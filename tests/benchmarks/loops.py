@@ -32,7 +32,7 @@ from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.loop import LoopClosure
 from pseudolidar.structures.pose import Trajectory
 
-WIDTH_PX = 640
+WIDTH_PX, DAY_NS = 640, 86_400 * 10**9
 ROUND, EVERY = 320, 4
 DRIFT = np.concatenate([np.zeros(3), np.deg2rad([0.01, 0.05, 0.01])])
 DRIFT_SIGMA = np.repeat([0.004, 0.0004], 3)
@@ -137,15 +137,16 @@ def block() -> None:
 
 
 def streets() -> None:
-    """Ten streets that never come back."""
+    """Ten streets that never come back; far more candidates are tried than by default."""
     rig = Synthetic("street", width_px=WIDTH_PX).open().rig
-    finding = Finding(LoopFinder().start(rig))
+    finding = Finding(LoopFinder(candidates=5, similarity=0.0).start(rig))
     for seed in range(10):
         source = Synthetic("street", frames=125, width_px=WIDTH_PX, seed=seed).open()
         truth = poses(source, list(range(0, 125, 5)))
         for at, T in zip(range(0, 125, 5), truth, strict=True):
             frame = source.load(at)
-            later = replace(frame, index=1000 * seed + at)
+            time_ns = frame.timestamp_ns + seed * DAY_NS
+            later = replace(frame, index=1000 * seed + at, timestamp_ns=time_ns)
             finding.add(later, T, piece=seed)
     say(f"ten streets: {len(finding.loops)} loops; {finding.line()}")
 
@@ -192,8 +193,8 @@ def again(
             np.clip(0.85 * eye + 8.0 + rng.normal(0.0, 4.0, eye.shape), 0, 255).astype(np.uint8)
             for eye in (frame.left, frame.right)
         ]
-        later_ns = frame.timestamp_ns + 86_400 * 10**9
-        yield i, replace(frame, left=eyes[0], right=eyes[1], timestamp_ns=later_ns)
+        time_ns = frame.timestamp_ns + DAY_NS
+        yield i, replace(frame, left=eyes[0], right=eyes[1], timestamp_ns=time_ns)
 
 
 def say(text: str) -> None:

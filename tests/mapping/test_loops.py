@@ -7,8 +7,9 @@ import pytest
 
 from pseudolidar.errors import UsageError
 from pseudolidar.geometry.frames import left_in_base_link
+from pseudolidar.geometry.projection import project
 from pseudolidar.geometry.twists import inverted, log_twist
-from pseudolidar.mapping.loop_check import verified
+from pseudolidar.mapping.loop_check import LEAST_COLUMNS, _columns, _off_plane, verified
 from pseudolidar.mapping.loops import LoopFinder
 from pseudolidar.mapping.words import WordIndex, nearest
 from pseudolidar.sources.synthetic import Synthetic
@@ -76,6 +77,20 @@ def test_other_depths_are_refused(rounds, search):
     assert verified(earlier, flat, rig) == "overlap"
     nothing = replace(later, uv=later.uv[:5], d=later.d[:5], descriptors=later.descriptors[:5])
     assert verified(earlier, nothing, rig) == "few_matches"
+
+
+def test_a_road_alone_is_no_place():
+    """Points that agree perfectly and lie on one plane, but for those of one narrow thing."""
+    rng = np.random.default_rng(0)
+    ground = np.column_stack([rng.uniform(-6, 6, 60), np.full(60, 1.65), rng.uniform(6, 25, 60)])
+    car = rng.uniform([-0.8, 0.2, 20.0], [0.8, 1.2, 20.5], (30, 3))
+    assert _off_plane(ground).sum() == 0
+    off = _off_plane(np.concatenate([ground, car]))
+    assert off.sum() == 30
+    assert off[60:].all()
+    rig = Synthetic("block", width_px=416).open().rig
+    uv, _ = project(car, rig.P_left)
+    assert _columns(uv, rig) < LEAST_COLUMNS
 
 
 def test_odometry_is_never_off_by_so_much(rounds):
