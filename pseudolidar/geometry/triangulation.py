@@ -85,8 +85,7 @@ def measured_disparity(d: Float64, u: Float64, v: Float64, rig: StereoRig) -> Fl
         return d
     size, zero = rig.left.size_px, np.zeros_like(d)
     at_zero = rig.correction.offset_px(zero, u, v, size)
-    per_px = rig.correction.coefficients[1] / rig.correction.DISPARITY_UNIT_PX
-    return np.asarray((d + at_zero) / (1 - per_px))
+    return np.asarray((d + at_zero) / (1 - rig.correction.per_px))
 
 
 def points_by_q(d: Float64, u: Float64, v: Float64, rig: StereoRig) -> Float64:

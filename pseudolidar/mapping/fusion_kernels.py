@@ -83,16 +83,17 @@ def join(
     """
     drift, gate, margin, common, steepest = limits
     height, width = seen.shape
+    disparity = measured[0]
     for v in range(height):
         for u in range(width):
-            m, r = measured[0, v, u], measured[1, v, u]
+            m, r = disparity[v, u], measured[1, v, u]
             fused[0, v, u], fused[1, v, u], counts[v, u] = m, r, 1
             d = carried[0, v, u]
             if not (m > 0 and d > 0):
                 counts[v, u] = 0 if not m > 0 else 1
                 continue
-            right = _slope(measured[0], v, u, 0, 1, steepest)
-            down = _slope(measured[0], v, u, 1, 0, steepest)
+            right = _slope(disparity, v, u, 0, 1, steepest)
+            down = _slope(disparity, v, u, 1, 0, steepest)
             # What was carried lies beside the middle of the pixel: along the surface to it.
             d -= right * carried[2, v, u] + down * carried[3, v, u]
             variance = carried[1, v, u] + drift
@@ -110,14 +111,14 @@ def _slope(d: AnyArray, v: int, u: int, down: int, right: int, steepest: float) 
     """Slope of a surface at a pixel, px a px; 0 where it is none."""
     height, width = d.shape
     if not (down <= v < height - down and right <= u < width - right):
-        return 0.0
+        return np.float32(0)
     before, after = d[v - down, u - right], d[v + down, u + right]
-    slope = 0.5 * (after - before)
+    slope = np.float32(0.5) * (after - before)
     here = d[v, u]
-    bent = abs(after - 2 * here + before)
+    bent = abs(after - here - here + before)
     if abs(slope) < steepest and bent < steepest:
         return slope
-    return 0.0
+    return np.float32(0)
 
 
 @_kernel

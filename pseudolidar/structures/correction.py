@@ -124,6 +124,24 @@ class DisparityCorrection:
             offset += self.coefficients[column] * features[..., column]
         return np.asarray(offset)
 
+    @property
+    def per_px(self) -> float:
+        """What each px of disparity adds to the offset."""
+        return float(self.coefficients[1]) / self.DISPARITY_UNIT_PX
+
+    def field_px(self, width: int, height: int) -> Float32:
+        """(H, W) of `offset_px` of no disparity at every pixel: quartic along a row."""
+        x = np.linspace(-1.0, 1.0, width)
+        y = np.linspace(-1.0, 1.0, height)[:, None].astype(np.float32)
+        c = self.coefficients
+        even = (((c[9] * x + c[7]) * x + c[4]) * x + c[2]) * x + c[0]
+        linear = (c[8] * x + c[5]) * x + c[3]
+        field = y * np.float32(c[6])
+        field = field + linear.astype(np.float32)
+        field *= y
+        field += even.astype(np.float32)
+        return np.asarray(field)
+
     def offset_sigma_px(
         self, d: Float64, u: Float64, v: Float64, size_px: tuple[int, int]
     ) -> Float64 | None:

@@ -1,5 +1,9 @@
 """Disparities made one along a path: of a wall, of what moves, of what hides."""
 
+import json
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -7,7 +11,7 @@ from pseudolidar.mapping import tiles as tiles_module
 from pseudolidar.mapping.free_space import FreeSpace
 from pseudolidar.mapping.fusion import TemporalFusion
 from pseudolidar.mapping.map_points import FramePoints, MapPoints
-from pseudolidar.mapping.map_voxels import merged, places_of, voxels_of
+from pseudolidar.mapping.map_voxels import SUMS, merged, places_of, voxels_of
 from pseudolidar.mapping.tiles import MapTiles
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.cloud import PointCloud
@@ -160,3 +164,14 @@ def test_what_is_seen_through_is_not_there(tmp_path):
     assert seen.tolist() == [0, 4, 0]
     assert through.tolist() == [4, 0, 0]
     free.close()
+
+
+def test_memory_does_not_grow_with_the_drive(tmp_path):
+    count = 240
+    program = [sys.executable, "-m", "tests.mapping.endless_drive", str(tmp_path), str(count)]
+    done = subprocess.run(program, capture_output=True, text=True, check=True)
+    early, late, merged_all, points = json.loads(done.stdout)
+    held_mib = points * SUMS.itemsize / 2**20
+    assert held_mib > 40
+    assert late - early < 5
+    assert merged_all - early < 0.2 * held_mib

@@ -21,6 +21,7 @@ from pseudolidar.errors import PseudolidarError, StructureError
 from pseudolidar.structures.arrays import UInt8
 from pseudolidar.structures.camera import Camera, StereoRig
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.point_tracks import PointTracks
 from pseudolidar.structures.pose import Pose
@@ -83,7 +84,6 @@ def filters() -> str:
     from pseudolidar.stereo.filters.smoothed_map import Fgs
     from pseudolidar.stereo.filters.temporal import Kalman
     from pseudolidar.stereo.reproject import Reproject
-    from pseudolidar.structures.disparity import DisparityMap
     from pseudolidar.structures.frame import PairMask
 
     values = np.full((_HEIGHT, _WIDTH), _SHIFT_PX, np.float32)
@@ -101,6 +101,7 @@ def filters() -> str:
     patches = find_patches(DisparityMap(values), frame.rig)
     _check(bool(np.allclose(patches.normals[:, 2], -1)), "patches of a flat wall")
     _check(_still_pose(frame.rig) < 1e-3, "the motion of a camera that stands still")
+    _check(_mapped_wall(frame.rig, wall), "a flat wall, seen three times, in a map")
     shown = np.ones((_HEIGHT, _WIDTH), bool)
     shown[:, _WIDTH // 2 :] = False
     half = unmasked(wall, PairMask(shown, np.ones_like(shown)))
@@ -252,6 +253,27 @@ def _still_pose(rig: StereoRig) -> float:
     d = np.linspace(2.0, 20.0, len(uv))
     found = refined_pose(np.eye(4), PointTracks(uv, d, uv, d), rig)
     return float("inf") if found is None else found.distance_m
+
+
+def _mapped_wall(rig: StereoRig, wall: DisparityMap) -> bool:
+    """Whether the points of a wall that a still camera sees lie on it, and none in front of it."""
+    from pseudolidar.mapping.free_space import FreeSpace
+    from pseudolidar.mapping.fusion import TemporalFusion
+    from pseudolidar.mapping.map_points import MapPoints
+
+    fusion = TemporalFusion().start()
+    with tempfile.TemporaryDirectory() as folder:
+        free = FreeSpace(Path(folder) / "free_space", rig)
+        for _ in range(3):
+            fused = fusion.add(wall, rig, np.eye(4))
+            free.add(fused.depth_m, np.eye(4))
+        points = MapPoints(sigma=1e3).of(fused, _texture()[:, :_WIDTH])
+        places = points.in_map(np.eye(4))[0]
+        in_front = free.empty(np.concatenate([places[:100], 0.5 * places[:100]]))
+        free.close()
+    depth_m = _FOCAL_PX * _BASELINE_M / _SHIFT_PX
+    on_wall = np.allclose(places[:, 2], depth_m, rtol=1e-3)
+    return on_wall and not in_front[:100].any() and bool(in_front[100:].all())
 
 
 def _texture() -> UInt8:
