@@ -90,7 +90,7 @@ def test_left_and_right_differ_and_so_do_frames_and_seeds() -> None:
 
 @pytest.mark.parametrize("world", WORLDS)
 def test_a_frame_is_a_pure_function_of_its_index(world: str) -> None:
-    source = small(world, frames=400).open()
+    source = Synthetic(world, width_px=SMALL // 2, frames=400).open()
     code = (
         "import pickle, sys; from tests.sources.test_synthetic import digest;"
         "source = pickle.load(sys.stdin.buffer);"
