@@ -177,6 +177,7 @@ def worlds() -> str:
     """Load open3d, render a small picture with it, and mesh a wall."""
     from pseudolidar.geometry.open3d_library import load_open3d
     from pseudolidar.mapping.mesh import TsdfMesh
+    from pseudolidar.mapping.occupancy import Occupancy
     from pseudolidar.sources.synthetic import Synthetic
 
     load_open3d()
@@ -188,6 +189,9 @@ def worlds() -> str:
     grid.integrate(wall, 0.01 * wall, grey, Pose.identity("map", "camera_left"))
     middle_m = float(np.median(grid.extract().vertices[:, 2]))
     _check(abs(middle_m - 4.0) < 0.01, f"a wall at {middle_m} m, want 4")
+    occupancy = Occupancy().start()
+    occupancy.integrate(PointCloud(grid.extract().vertices, "map"), np.zeros(3))
+    _check(len(occupancy.occupied()) > 0, "no voxel of a wall")
     return "open3d loaded, a street rendered, a wall meshed"
 
 
