@@ -71,6 +71,7 @@ def test_a_link_on_another_site_may_hold_the_token():
         ("/", [HOST, COOKIE, ("Sec-Fetch-Site", "same-site")]),
         ("/", [("Host", "evil.example"), COOKIE]),
     ],
+    ids=lambda given: type(given).__name__,  # tokens are others in every process that runs tests
 )
 def test_pages_are_refused(target: str, headers: list[tuple[str, str]]):
     assert isinstance(page(target, *headers), Refused)
