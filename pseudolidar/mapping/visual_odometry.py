@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pseudolidar.errors import SequenceTime, StructureError, UsageError
+from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.frames import ODOM
 from pseudolidar.geometry.pnp import RelativePose
 from pseudolidar.geometry.tracking import MatchedPair
@@ -121,7 +122,7 @@ class VisualChain:
         self._registered += 1
         if self._last is None or self._lost > self._settings.reach:
             return self._begin(sight, frame.timestamp_ns)
-        found = self._found(sight)
+        found = self._found(sight, frame.timestamp_ns)
         if isinstance(found, RelativePose):
             return self._go_on(sight, frame.timestamp_ns, found)
         return self._lose(found)
@@ -169,7 +170,7 @@ class VisualChain:
         self._lost, self._most_agreed = 0, 0
         hung = Hung.itself(self.offset)
         piece.path.add_frame(timestamp_ns, hung)
-        self._last = _Last(sight, np.eye(4), hung, None)
+        self._last = _Last(sight, timestamp_ns, np.eye(4), hung)
         return OdometryState(
             "first",
             Pose.identity(ODOM, self._rig.left.frame),
@@ -178,13 +179,13 @@ class VisualChain:
             keyframe=True,
         )
 
-    def _found(self, sight: Sight) -> RelativePose | str:
+    def _found(self, sight: Sight, timestamp_ns: int) -> RelativePose | str:
         """The motion from the newest keyframe, or why there is none."""
         last = self._before
         blind = sight.blind or sight.frozen_since(last.sight)
         if blind:
             return blind
-        on = last.further(self._lost + 1)
+        on = last.further(timestamp_ns)
         T_odom_newest = self._pieces[-1].T_odom_newest
         found = self._tried(sight, None if on is None else inverted(on) @ T_odom_newest)
         if isinstance(found, str) and on is not None:
@@ -234,7 +235,9 @@ class VisualChain:
             hung_now = hung
         piece.path.add_frame(timestamp_ns, hung_now)
         step = self._step(T_odom, hung, self._before)
-        self._last = _Last(sight, T_odom, hung_now, step)
+        seconds = (timestamp_ns - self._before.timestamp_ns) / NS_PER_S
+        twist_per_s = log_twist(step.T_from_to) / seconds
+        self._last = _Last(sight, timestamp_ns, T_odom, hung_now, twist_per_s)
         self._lost = 0
         return OdometryState(
             "ok",
@@ -272,19 +275,21 @@ class _Last:
 
     Args:
         sight: what it shows.
+        timestamp_ns: when it was taken.
         T_odom_camera: (4, 4) its pose.
         hung: at the newest keyframe.
-        step: that led to it, if it was not the first.
+        twist_per_s: (6,) how the camera moved to it; None of the first of a piece.
     """
 
     sight: Sight
+    timestamp_ns: int
     T_odom_camera: Float64
     hung: Hung
-    step: CameraStep | None
+    twist_per_s: Float64 | None = None
 
-    def further(self, frames: int) -> Float64 | None:
-        """(4, 4) pose so many frames later, if the camera goes on as before; None if unknown."""
-        if self.step is None:
+    def further(self, timestamp_ns: int) -> Float64 | None:
+        """(4, 4) pose at a later time, if the camera goes on as before; None if unknown."""
+        if self.twist_per_s is None:
             return None
-        twist = log_twist(self.step.T_from_to) * (frames / self.step.frames)
-        return np.asarray(self.T_odom_camera @ exp_twist(twist))
+        seconds = (timestamp_ns - self.timestamp_ns) / NS_PER_S
+        return np.asarray(self.T_odom_camera @ exp_twist(self.twist_per_s * seconds))

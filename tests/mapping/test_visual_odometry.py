@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from pseudolidar.errors import CalibrationSizeMismatch, SequenceTime, StructureError, UsageError
+from pseudolidar.geometry.twists import inverted
+from pseudolidar.mapping import visual_odometry
+from pseudolidar.mapping.registration import registered
 from pseudolidar.mapping.visual_odometry import VisualOdometry
 from pseudolidar.structures.box import Detection
 from pseudolidar.structures.disparity import DisparityMap
@@ -89,6 +92,51 @@ def test_a_black_frame_is_lost_and_bridged(street):
     assert (found.status, found.step.frames, found.piece) == ("ok", 2, 0)
     assert street.error_rel(found, at=4) < MOST_ERROR_REL
     assert len(odometry.trajectories()[0]) == 4
+
+
+def test_frames_that_were_cut_out_are_told_by_their_times(street, monkeypatch):
+    guesses = []
+
+    def noted(key, sight, rig, guess, correction):
+        guesses.append(guess)
+        return registered(key, sight, rig, guess, correction)
+
+    monkeypatch.setattr(visual_odometry, "registered", noted)
+    odometry = VisualOdometry().start(street.rig)
+    kept = (0, 1, 2, 5)
+    for at in kept:
+        found = odometry.register(street.frames[at], street.frames[at].truth)
+    assert (found.status, found.step.frames) == ("ok", 1)
+    assert street.error_rel(found, at=5) < 2 * MOST_ERROR_REL
+    # the guess that led there went as far as three frames go
+    T_key = street.T_odom[kept[3 - found.keyframe_gap]]
+    off_m = np.linalg.norm((inverted(street.T_odom[5]) @ T_key @ inverted(guesses[-1]))[:3, 3])
+    assert off_m < 0.2
+
+
+def covered(frame, *, share):
+    """Frame whose left lens is covered from the left side on, and disparities as matched then."""
+    left, values = frame.left.copy(), frame.truth.values.copy()
+    wide = int(share * left.shape[1])
+    left[:, :wide], values[:, :wide] = 12, np.nan
+    return replace(frame, left=left), DisparityMap(values)
+
+
+def test_a_lens_that_is_covered_more_and_more(street):
+    odometry = VisualOdometry().start(street.rig)
+    shares = (0.0, 0.0, 0.3, 0.4, 0.995, 0.3, 0.0)
+    states = [
+        odometry.register(*covered(frame, share=share))
+        for frame, share in zip(street.frames, shares, strict=True)
+    ]
+    assert [state.status for state in states[:5]] == ["first", "ok", "ok", "ok", "lost"]
+    assert states[-1].status == "ok"
+    for at, state in enumerate(states):
+        if state.status == "lost":
+            assert state.why
+        else:  # a step of two frames with a third of the lens covered is 7 cm off, and knows it
+            assert street.error_rel(state, at=at) < 5 * MOST_ERROR_REL
+            assert at == 0 or street.pose_nees(at, state) < 6
 
 
 def test_a_camera_that_delivers_one_picture_is_lost(street):
