@@ -68,10 +68,9 @@ class Finding:
         )
 
 
-def poses(source: FrameSequence[StereoFrame], indices: list[int]) -> np.ndarray:
+def poses(source: FrameSequence[StereoFrame], T_map_base: np.ndarray) -> np.ndarray:
     """(N, 4, 4) exact poses of the left camera, in the first one."""
-    T_base_left = left_in_base_link(source.rig).matrix
-    T = np.stack([source.trajectory.T_world_body[i] @ T_base_left for i in indices])
+    T = T_map_base @ left_in_base_link(source.rig).matrix
     return inverted(T[0]) @ T
 
 
@@ -102,7 +101,7 @@ def block() -> None:
     """Twice round the block."""
     source = Synthetic("block", frames=2 * ROUND, width_px=WIDTH_PX).open()
     indices = list(range(0, 2 * ROUND, EVERY))
-    truth = poses(source, indices)
+    truth = poses(source, source.trajectory.T_world_body[::EVERY])
     drift = drifting(truth)
     finding = Finding(LoopFinder().start(source.rig))
     times = []
@@ -142,7 +141,7 @@ def streets() -> None:
     finding = Finding(LoopFinder(candidates=5, similarity=0.0).start(rig))
     for seed in range(10):
         source = Synthetic("street", frames=125, width_px=WIDTH_PX, seed=seed).open()
-        truth = poses(source, list(range(0, 125, 5)))
+        truth = poses(source, source.trajectory.T_world_body[::5])
         for at, T in zip(range(0, 125, 5), truth, strict=True):
             frame = source.load(at)
             time_ns = frame.timestamp_ns + seed * DAY_NS
@@ -155,15 +154,16 @@ def kitti(data: Path) -> None:
     """KITTI 06, and again."""
     source = KittiOdometry(str(data / "kitti_odometry")).open()
     indices = list(range(0, 51, 3))
-    truth = poses(source, indices)
+    frames = [source.load(i) for i in indices]
+    truth = poses(source, np.stack([frame.pose.matrix for frame in frames]))
     finding = Finding(LoopFinder().start(source.rig))
-    for i, index in enumerate(indices):
-        finding.add(source.load(index), truth[i])
+    for frame, T in zip(frames, truth, strict=True):
+        finding.add(frame, T)
     say(f"KITTI 06: {len(finding.loops)} loops; {finding.line()}")
     finding = Finding(LoopFinder().start(source.rig))
     for i in range(0, len(indices), 2):
-        finding.add(source.load(indices[i]), truth[i])
-    for i, frame in again(source, indices):
+        finding.add(frames[i], truth[i])
+    for i, frame in again(frames):
         finding.add(frame, truth[i], piece=1)
     at = {index: i for i, index in enumerate(indices)}
     errors_m = [
@@ -182,13 +182,11 @@ def kitti(data: Path) -> None:
     )
 
 
-def again(
-    source: FrameSequence[StereoFrame], indices: list[int]
-) -> Iterator[tuple[int, StereoFrame]]:
+def again(frames: list[StereoFrame]) -> Iterator[tuple[int, StereoFrame]]:
     """Every second frame, darker and with noise, as if of another day."""
     rng = np.random.default_rng(0)
-    for i in range(1, len(indices), 2):
-        frame = source.load(indices[i])
+    for i in range(1, len(frames), 2):
+        frame = frames[i]
         eyes = [
             np.clip(0.85 * eye + 8.0 + rng.normal(0.0, 4.0, eye.shape), 0, 255).astype(np.uint8)
             for eye in (frame.left, frame.right)
