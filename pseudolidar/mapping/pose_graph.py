@@ -11,6 +11,7 @@ Open3D has it.
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -35,6 +36,8 @@ DOUBTED_SIGMAS, LEAST_WEIGHT = 6.0, 0.25
 LOOP_M, LOOP_RAD = 0.03, 0.001
 # Doubt sets in by these factors of that number.
 PATIENCE = (1000.0, 100.0, 10.0, 3.0, 1.0)
+# More loops are not solved together.
+MOST_LOOPS = 200
 # Open3D counts rotations first.
 ROTATION_FIRST = np.array([3, 4, 5, 0, 1, 2])
 ITERATIONS = 100
@@ -46,7 +49,8 @@ def closed(trajectories: Sequence[Trajectory], loops: Sequence[LoopClosure]) -> 
     Args:
         trajectories: of odometry's pieces, `T_odom_camera`, as it tells them at the end; with their
             covariances where it knows them.
-        loops: verified; ends are found by their time and piece.
+        loops: verified; ends are found by their time and piece. Of more than 200 every second,
+            third... between the same pieces is taken: Open3D's solver is dense.
 
     Returns:
         As many trajectories, of the same times. The first frame of the first piece of each map
@@ -57,6 +61,7 @@ def closed(trajectories: Sequence[Trajectory], loops: Sequence[LoopClosure]) -> 
         MissingDependency: open3d is absent.
     """
     chains = [Chain.of(trajectory) for trajectory in trajectories]
+    loops = _thinned(loops)
     maps = _maps(len(chains), loops)
     if not loops:
         return ClosedPath(tuple(trajectories), maps)
@@ -65,10 +70,23 @@ def closed(trajectories: Sequence[Trajectory], loops: Sequence[LoopClosure]) -> 
     moved = [graph.moved(piece, chain, poses) for piece, chain in enumerate(chains)]
     used = tuple(loop for loop, good in zip(loops, kept, strict=True) if good)
     dropped = tuple(loop for loop, good in zip(loops, kept, strict=True) if not good)
-    if dropped and used != tuple(loops):
+    if dropped:
         # Without those that disagree pieces may have nothing that joins them.
         return ClosedPath(*_again(trajectories, used), used, dropped)
     return ClosedPath(tuple(moved), maps, used, dropped)
+
+
+def _thinned(loops: Sequence[LoopClosure]) -> list[LoopClosure]:
+    """About so many that can be solved, spread over the path; some between any two pieces."""
+    every = -(-len(loops) // MOST_LOOPS) or 1
+    counted: Counter[tuple[int, int]] = Counter()
+    taken = []
+    for loop in loops:
+        pieces = (loop.earlier.piece, loop.later.piece)
+        if counted[pieces] % every == 0:
+            taken.append(loop)
+        counted[pieces] += 1
+    return taken
 
 
 def _again(

@@ -111,6 +111,13 @@ def test_loops_join_pieces(truth):
     assert np.array_equal(path.trajectories[2].T_world_body, apart.T_world_body)
 
 
+def test_of_very_many_loops_some_are_solved(truth, loops, monkeypatch):
+    monkeypatch.setattr("pseudolidar.mapping.pose_graph.MOST_LOOPS", 4)
+    path = closed([trajectory(drifting(truth))], loops)
+    assert path.used == tuple(loops[::3])
+    assert off_m(path.trajectories[0].T_world_body, truth)[-1] < 0.4
+
+
 def test_without_loops_nothing_moves(truth):
     path = closed([trajectory(truth)], [])
     assert path.trajectories[0].T_world_body is truth
