@@ -34,6 +34,7 @@ from pseudolidar.running.mapped.build import (
 from pseudolidar.running.mapped.map_outputs import MapOutputs
 from pseudolidar.running.mapped.map_recording import plan_recording, write_recording
 from pseudolidar.running.mapped.mesh_outputs import MeshOutputs, mesh_figures
+from pseudolidar.running.mapped.occupancy_outputs import OCCUPANCY_FILES, write_occupancy
 from pseudolidar.running.mapped.odometry_film import ODOMETRY_FILM, OdometryFilm
 from pseudolidar.running.mapped.stored import WORK_FOLDER, MatchOnce
 from pseudolidar.running.mapped.trajectory_files import KITTI_NAME, TUM_NAME, write_trajectories
@@ -101,6 +102,8 @@ class Map:
         mesh: make a mesh too, in which depths count by their sigma: --map.mesh.voxel-m 0.05 for a
             finer one. It is not closed; its holes are counted.
         mesh_to: formats of the mesh, a comma list of ply, glb, obj.
+        occupancy: write what robots need too: occupancy.ply (voxels), grid.yaml and grid.pgm (flat
+            map for map_server and nav2), distances.npz (to the nearest obstacle).
         debug_video: make odometry.mp4 (H.264): the points that were followed with their ways, blue
             those that agree and orange the others, who was asked about the step, disparities.
         odometry: vision alone; `kiss`, KISS-ICP on the scans of a LiDAR alone; or `fused`, vision
@@ -142,6 +145,7 @@ class Map:
     frame_clouds: MapOutputs = field(default_factory=lambda: MapOutputs(()))
     mesh: bool = False
     mesh_to: MeshOutputs = field(default_factory=MeshOutputs)
+    occupancy: bool = False
     debug_video: bool = False
     odometry: Fused | Vision | Kiss = field(default_factory=Fused)
     loops: LoopFinder | None = field(default_factory=LoopFinder)
@@ -192,7 +196,8 @@ class Map:
         maps = tuple(f"{WHOLE_NAME}.{kind}" for kind in self.to.clouds)
         film = (ODOMETRY_FILM,) if self.debug_video else ()
         meshes = self.mesh_to.files if self.mesh else ()
-        return (TUM_NAME, KITTI_NAME, RIG_NAME, *maps, *meshes, *film)
+        robots = OCCUPANCY_FILES if self.occupancy else ()
+        return (TUM_NAME, KITTI_NAME, RIG_NAME, *maps, *meshes, *robots, *film)
 
     @property
     def folders(self) -> tuple[str, ...]:
@@ -295,15 +300,27 @@ def mapped(
     recording: RecordingPlan,
 ) -> Made:
     """The map of the longest piece of path, and its recording; nothing where none is wanted."""
-    if not pieces or not (job.to.kinds or job.frame_clouds.clouds or job.mesh):
-        return Made()
     kinds = job.frame_clouds.clouds
-    builder = built(job.out, source, pieces[0], rig, job.map, frame_kinds=kinds, meshed=job.mesh)
+    if not pieces or not (job.to.kinds or kinds or job.mesh or job.occupancy):
+        return Made()
+    builder = built(
+        job.out,
+        source,
+        pieces[0],
+        rig,
+        job.map,
+        frame_kinds=kinds,
+        meshed=job.mesh,
+        occupied=job.occupancy,
+    )
     files, figures, whole = written(job.out, builder, job.to.clouds)
     if builder.mesh is not None:
         mesh = builder.mesh.extract()
         files = (*files, *job.mesh_to.write(job.out, mesh))
         figures = {**figures, "mesh": mesh_figures(mesh, builder.mesh.voxel_m)}
+    if builder.occupancy is not None:
+        robots, told = write_occupancy(job.out, builder.occupancy)
+        files, figures = (*files, *robots), {**figures, "occupancy": told}
     if kinds:
         files = (*files, job.out / FRAME_FOLDER)
     if job.to.recording:

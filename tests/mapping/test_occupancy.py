@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from pseudolidar.errors import MemoryLimit
-from pseudolidar.mapping.occupancy import Occupancy, OccupancyMap
+from pseudolidar.mapping.occupancy import Occupancy
+from pseudolidar.mapping.occupancy_map import OccupancyMap
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 

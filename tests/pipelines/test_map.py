@@ -28,7 +28,7 @@ from pseudolidar.formats.tum import read_tum_trajectory
 WORLD = ["synthetic:street", "--source.frames", "5", "--source.width-px", "480"]
 MADE = [
     *("--to", "ply,mcap", "--frame-clouds", "npz", "--debug-video", "--map.points.sigma", "0.3"),
-    *("--mesh", "--mesh-to", "ply,glb"),
+    *("--mesh", "--mesh-to", "ply,glb", "--occupancy"),
 ]
 
 
@@ -54,6 +54,7 @@ def test_the_path_is_where_the_world_says(mapped: Path, capsys: pytest.CaptureFi
     assert told["map"]["points"] > 2000
     assert told["map"]["mesh"]["triangles"] > 2000
     assert told["map"]["mesh"]["holes"] > 0
+    assert told["map"]["occupancy"]["free"] > 100
     assert told["seconds_per_frame"] > 0
 
 
@@ -155,7 +156,7 @@ def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(mapped: Path, tmp_pat
     again = [file for file, before in done.items() if file.stat().st_mtime_ns != before]
     assert len(again) <= 1 < len(done)
     names = ["trajectory.tum", "trajectory_kitti.txt", "map.ply", "street.mcap", "odometry.mp4"]
-    names += ["mesh.ply", "mesh.glb"]
+    names += ["mesh.ply", "mesh.glb", "occupancy.ply", "grid.yaml", "grid.pgm", "distances.npz"]
     names += [str(cloud.relative_to(mapped)) for cloud in (mapped / "frames").iterdir()]
     names += [str(tile.relative_to(mapped)) for tile in (mapped / "tiles").iterdir()]
     for name in names:

@@ -15,6 +15,7 @@ from pseudolidar.mapping.free_space import FreeSpace
 from pseudolidar.mapping.fusion import TemporalFusion
 from pseudolidar.mapping.map_points import FramePoints, MapPoints
 from pseudolidar.mapping.mesh import TsdfMesh
+from pseudolidar.mapping.occupancy import Occupancy
 from pseudolidar.mapping.tiles import MapTiles, TileStore
 from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import CrewPlan
@@ -47,12 +48,14 @@ class MapSettings:
         points: which pixels are sure enough.
         tiles: how points are averaged and kept.
         mesh: how a mesh is made.
+        occupancy: how voxels and the flat map are made.
     """
 
     fusion: TemporalFusion = field(default_factory=TemporalFusion)
     points: MapPoints = field(default_factory=MapPoints)
     tiles: MapTiles = field(default_factory=MapTiles)
     mesh: TsdfMesh = field(default_factory=TsdfMesh)
+    occupancy: Occupancy = field(default_factory=Occupancy)
 
 
 @dataclass(frozen=True)
@@ -82,10 +85,17 @@ class MapBuilder:
         rig: with the correction that motion told.
         settings: how.
         meshed: make a mesh, too.
+        occupied: make voxels and a flat map, too.
     """
 
     def __init__(
-        self, folder: Path, rig: StereoRig, settings: MapSettings, *, meshed: bool = False
+        self,
+        folder: Path,
+        rig: StereoRig,
+        settings: MapSettings,
+        *,
+        meshed: bool = False,
+        occupied: bool = False,
     ) -> None:
         self._rig, self._settings = rig, settings
         self._T_base_left = left_in_base_link(rig).matrix
@@ -97,6 +107,7 @@ class MapBuilder:
         self._tiles: TileStore = settings.tiles.start(sums, MAP)
         self._free = FreeSpace(work / FREE_NAME, rig)
         self.mesh = settings.mesh.start(rig) if meshed else None
+        self.occupancy = settings.occupancy.start() if occupied else None
 
     def add(
         self, frame: StereoFrame, disparity: DisparityMap, T_odom_camera: Float64
@@ -112,7 +123,10 @@ class MapBuilder:
             agreed = np.where(fused.counts >= self._settings.points.frames, fused.depth_m, np.nan)
             pose = Pose(MAP, self._rig.left.frame, T_map_camera)
             self.mesh.integrate(agreed.astype(np.float32), fused.sigma_m, rgb, pose)
-        return cloud_of(points, T_map_camera, frame.timestamp_ns)
+        cloud = cloud_of(points, T_map_camera, frame.timestamp_ns)
+        if self.occupancy is not None:
+            self.occupancy.integrate(cloud, T_map_camera[:3, 3].copy())
+        return cloud
 
     def clouds(self) -> Iterator[tuple[tuple[int, int], PointCloud]]:
         """The tiles of the map."""
@@ -129,6 +143,7 @@ def built(
     *,
     frame_kinds: Sequence[str] = (),
     meshed: bool = False,
+    occupied: bool = False,
 ) -> MapBuilder:
     """All frames of a piece of path, put together.
 
@@ -140,12 +155,13 @@ def built(
         settings: how.
         frame_kinds: formats in which the points of each frame are written too, in the map.
         meshed: make a mesh, too.
+        occupied: make voxels and a flat map, too.
 
     Raises:
         OutputError: the disk is full or gone.
-        MemoryLimit: the mesh does not fit.
+        MemoryLimit: mesh or voxels do not fit.
     """
-    builder = MapBuilder(folder, rig, settings, meshed=meshed)
+    builder = MapBuilder(folder, rig, settings, meshed=meshed, occupied=occupied)
     clouds_folder = folder / FRAME_FOLDER
     if frame_kinds:
         clouds_folder.mkdir(exist_ok=True)
