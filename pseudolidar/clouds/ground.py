@@ -79,10 +79,8 @@ class Ground:
     def found(self, cloud: PointCloud, tree: tuple[Pose, ...]) -> tuple[Plane | None, Bool]:
         """The plane in a frame with z up (`velodyne` where it is known), and (N,) its points."""
         T_forward_cloud = forward_of(cloud, tree)
-        same = T_forward_cloud.dst == cloud.frame
-        xyz = cloud.xyz if same else T_forward_cloud.apply(cloud.xyz)
         origin_m = T_forward_cloud.apply(origin_of(cloud, tree)[None])[0]
-        plane = fit_ground(xyz, cloud.sigma_m, origin_m, T_forward_cloud.dst, self.fit)
+        plane = fit_ground(cloud, T_forward_cloud, origin_m, self.fit)
         if plane is None:
             return None, np.zeros(len(cloud), bool)
-        return plane, ground_points(plane, xyz, cloud.sigma_m, origin_m, self.fit)
+        return plane, ground_points(plane, cloud, T_forward_cloud, origin_m, self.fit)

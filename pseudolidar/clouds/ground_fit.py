@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.geometry.planes import Plane
-from pseudolidar.structures.arrays import AnyArray, Bool, Float32, Float64
+from pseudolidar.structures.arrays import Bool, Float64
+from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.structures.pose import Pose
 
 # One point, the surest, of each cube of this edge: surfaces count by their area, not by how many
 # pixels see them.
@@ -46,21 +48,20 @@ class GroundFit:
 
 
 def fit_ground(
-    xyz: AnyArray, sigma_m: Float32 | None, origin_m: Float64, frame: str, settings: GroundFit
+    cloud: PointCloud, T_forward_cloud: Pose, origin_m: Float64, settings: GroundFit
 ) -> Plane | None:
     """The ground in a frame with z up; None where too little of it is seen.
 
     Args:
-        xyz: (N, 3) m.
-        sigma_m: (N,) m along the ray, or None.
-        origin_m: (3,) where the points were seen from.
-        frame: name of the frame.
+        cloud: points, in any frame.
+        T_forward_cloud: to the frame with z up.
+        origin_m: (3,) where the points were seen from, in that frame.
         settings: prior and limits.
 
     Source: RANSAC with a truncated loss (MSAC: Torr & Zisserman, MLESAC, CVIU 78, 2000), then
         iteratively reweighted least squares with Tukey's weights.
     """
-    points, across = _low_points(xyz, sigma_m, origin_m)
+    points, across = _low_points(cloud, T_forward_cloud, origin_m)
     if len(points) < LEAST_CUBES:
         return None
     start = _ransac(points, across, origin_m, settings)
@@ -71,44 +72,50 @@ def fit_ground(
     members = np.abs(off) < CUT_SIGMAS * across
     if members.sum() < max(LEAST_CUBES, LEAST_SHARE * len(points)):
         return None
-    return Plane.of(frame, np.array([-a, -b, 1.0]), -c)
+    return Plane.of(T_forward_cloud.dst, np.array([-a, -b, 1.0]), -c)
 
 
 def ground_points(
-    plane: Plane, xyz: AnyArray, sigma_m: Float32 | None, origin_m: Float64, settings: GroundFit
+    plane: Plane, cloud: PointCloud, T_plane_cloud: Pose, origin_m: Float64, settings: GroundFit
 ) -> Bool:
     """(N,) points that lie on the plane, as far as their errors tell."""
-    heights = plane.heights_m(xyz)
-    reach_m = settings.thickness_m if sigma_m is None else 2 * settings.thickness_m
-    ground = np.abs(heights) <= reach_m
-    if sigma_m is not None:
-        # Twice its error across the plane, but never much more than the height of a kerb.
-        near = np.flatnonzero(ground)
-        away = xyz[near] - origin_m.astype(xyz.dtype)
-        above_m = plane.heights_m(origin_m[None])[0]
-        across = sigma_m[near] * above_m / np.sqrt((away * away).sum(axis=1))
-        ground[near] = np.abs(heights[near]) <= np.maximum(settings.thickness_m, 2 * across)
-    return np.asarray(ground)
+    from pseudolidar.clouds.ground_kernels import points_on_plane
+
+    kind = cloud.xyz.dtype
+    return np.asarray(
+        points_on_plane(
+            np.ascontiguousarray(cloud.xyz),
+            np.empty(0, np.float32) if cloud.sigma_m is None else cloud.sigma_m,
+            T_plane_cloud.matrix[:3].astype(kind),
+            np.array([*plane.normal, plane.offset_m]).astype(kind),
+            origin_m.astype(kind),
+            float(plane.heights_m(origin_m[None])[0]),
+            settings.thickness_m,
+        )
+    )
 
 
 def _low_points(
-    xyz: AnyArray, sigma_m: Float32 | None, origin_m: Float64
+    cloud: PointCloud, T_forward_cloud: Pose, origin_m: Float64
 ) -> tuple[Float64, Float64]:
     """(M, 3) surest points of cubes below the sensor, and (M,) their error across a level plane."""
+    from pseudolidar.clouds.ground_kernels import low_points
     from pseudolidar.geometry.voxels import best_of_voxel
 
-    index = np.flatnonzero(xyz[:, 2] < origin_m[2] - LEAST_BELOW_M)  # False for NaN
-    index = index[:: max(1, len(index) // MOST_POINTS)]
-    away = np.hypot(xyz[index, 0] - origin_m[0], xyz[index, 1] - origin_m[1])
-    index = index[(away > NEAREST_M) & (away < FARTHEST_M)]
-    surest = None if sigma_m is None else np.ascontiguousarray(sigma_m[index])
-    index = index[best_of_voxel(xyz[index], surest, voxel_m=CUBE_M)]
-    points = xyz[index].astype(np.float64)
+    index, low = low_points(
+        np.ascontiguousarray(cloud.xyz),
+        T_forward_cloud.matrix[:3].astype(cloud.xyz.dtype),
+        origin_m,
+        *(LEAST_BELOW_M, NEAREST_M, FARTHEST_M, MOST_POINTS),
+    )
+    surest = None if cloud.sigma_m is None else cloud.sigma_m[index]
+    best = best_of_voxel(low, surest, voxel_m=CUBE_M)
+    points = low[best].astype(np.float64)
     across = np.full(len(points), ROUGHNESS_M)
-    if sigma_m is not None:
+    if surest is not None:
         ray = points - origin_m
         slant = np.abs(ray[:, 2]) / np.linalg.norm(ray, axis=1)
-        across = np.hypot(across, slant * np.nan_to_num(sigma_m[index], nan=1.0))
+        across = np.hypot(across, slant * np.nan_to_num(surest[best], nan=1.0))
     return points, across
 
 
@@ -116,6 +123,8 @@ def _ransac(
     points: Float64, across: Float64, origin_m: Float64, settings: GroundFit
 ) -> Float64 | None:
     """(3,) a, b, c of z = a x + b y + c with the least truncated loss; None: all too steep."""
+    from pseudolidar.clouds.ground_kernels import misfits
+
     rng = np.random.default_rng(SEED)
     step = max(1, len(points) // SAMPLES)
     seen, sigma = points[::step], across[::step]
@@ -133,12 +142,14 @@ def _ransac(
     planes = planes[possible]
     if not len(planes):
         return None
-    a, b, c = planes.T[:, :, None]
-    off = seen[:, 2] - a * seen[:, 0] - b * seen[:, 1] - c  # no BLAS: it may round by its threads
-    ratio = off / sigma
-    loss = np.minimum(ratio * ratio, CUT_SIGMAS**2)
-    loss[ratio < -CUT_SIGMAS] *= BELOW_FACTOR
-    score = loss.sum(axis=1) + _prior(planes, settings, origin_m)
+    loss = misfits(
+        np.ascontiguousarray(planes),
+        np.ascontiguousarray(seen),
+        np.ascontiguousarray(sigma),
+        CUT_SIGMAS,
+        BELOW_FACTOR,
+    )
+    score = loss + _prior(planes, settings, origin_m)
     return np.asarray(planes[int(np.argmin(score))])
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
-from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.arrays import Bool, Float64
 from pseudolidar.structures.box import Box3D
 from pseudolidar.structures.camera import Camera
 
@@ -17,6 +19,9 @@ def nearest_depth_m(box: Box3D, camera: Camera) -> float | None:
 
     By a grid on its faces, corners included: exact where the picture holds the box whole.
     """
+    corners = box.corners_m()
+    if corners[:, 2].min() > NEAREST_M and _inside(_projected(corners, camera), camera).all():
+        return float(corners[:, 2].min())
     points, _ = _in_view(box, camera)
     return float(points[:, 2].min()) if len(points) else None
 
@@ -65,11 +70,17 @@ def _in_view(box: Box3D, camera: Camera) -> tuple[Float64, Float64]:
     points = box.pose.apply(_faces() * np.array([box.length_m, box.width_m, box.height_m]))
     points = points[points[:, 2] > NEAREST_M]
     uv = _projected(points, camera)
-    size = np.array([camera.width_px, camera.height_px])
-    inside = (np.abs(2 * uv - size + 1) <= size).all(axis=1)
+    inside = _inside(uv, camera)
     return points[inside], uv[inside]
 
 
+def _inside(uv: Float64, camera: Camera) -> Bool:
+    """(N,) pixels that lie in the picture."""
+    size = np.array([camera.width_px, camera.height_px])
+    return np.asarray((np.abs(2 * uv - size + 1) <= size).all(axis=1))
+
+
+@cache
 def _faces() -> Float64:
     """(N, 3) points on the faces of a cube of edge 1 about the origin."""
     at = np.linspace(-0.5, 0.5, ALONG)
@@ -79,7 +90,9 @@ def _faces() -> Float64:
         for axis in range(3)
         for side in (-0.5, 0.5)
     ]
-    return np.concatenate(sides)
+    faces = np.concatenate(sides)
+    faces.flags.writeable = False
+    return faces
 
 
 def _projected(points: Float64, camera: Camera) -> Float64:

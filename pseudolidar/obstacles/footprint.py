@@ -16,11 +16,10 @@ from pseudolidar.structures.arrays import Float64
 
 X, Z, HEADING, LENGTH, WIDTH = range(5)
 STARTS, ROUNDS = 12, 12
-STEPS = np.array([0.01, 0.01, 0.01, 0.01, 0.01])  # of the numeric derivatives: m and rad
-SMALLEST_M = 0.1
-# Residuals are bent from so many sigmas on; a direction that misses the rectangle is off by this.
-BENT, MISSED = 1.5, 3.0
-DAMPING = 1e-3
+STEP = 0.01  # of numeric derivatives: m and rad
+
+# (3, B) bearing, depth and sigma; directions of a measurement; usual size; edges.
+_Given = tuple[Float64, float, Float64, Float64]
 
 
 @dataclass(frozen=True)
@@ -66,18 +65,15 @@ class Footprint:
     @property
     def sigma_nearest_m(self) -> float:
         """One standard deviation of that."""
-        gradient = np.zeros(5)
-        for i, step in enumerate(STEPS):
-            moved = self.values.copy()
-            moved[i] += step
-            gradient[i] = (_corners(moved[None])[0, :, 1].min() - self.nearest_m) / step
+        moved = self.values + STEP * np.eye(len(self.values))
+        gradient = (_corners(moved)[:, :, 1].min(axis=1) - self.nearest_m) / STEP
         return float(np.sqrt(max(0.0, float(gradient @ self.covariance @ gradient))))
 
 
 def fitted(contour: Contour, edges: Edges, size: ClassSize, near_m: float) -> Footprint:
     """The rectangle that fits best, of those that a class may have.
 
-    Source: Levenberg-Marquardt with a pseudo-Huber loss from several headings at once.
+    Source: Levenberg-Marquardt with a pseudo-Huber loss from several headings.
 
     Args:
         contour: near side.
@@ -85,41 +81,35 @@ def fitted(contour: Contour, edges: Edges, size: ClassSize, near_m: float) -> Fo
         size: usual length and width, and how they vary.
         near_m: about where its near side is.
     """
-    values = _starts(contour, size, near_m)
-    damping = np.full(len(values), DAMPING)
-    loss, residuals = _loss(values, contour, edges, size)
-    for _ in range(ROUNDS):
-        jacobian = _jacobian(values, residuals, contour, edges, size)
-        weights = 1.0 / np.sqrt(1.0 + (residuals / BENT) ** 2)
-        weighed = jacobian * weights[:, :, None]
-        hessian = np.einsum("sri,srj->sij", weighed, jacobian)
-        slope = np.einsum("sri,sr->si", weighed, residuals)
-        scaled = hessian + np.eye(5) * (damping[:, None] * _diagonal(hessian))[:, :, None]
-        step = -np.linalg.solve(scaled, slope[:, :, None])[:, :, 0]
-        tried = values + np.clip(step, -2.0, 2.0)
-        tried[:, LENGTH:] = np.maximum(tried[:, LENGTH:], SMALLEST_M)
-        new_loss, new_residuals = _loss(tried, contour, edges, size)
-        better = new_loss < loss
-        values = np.where(better[:, None], tried, values)
-        residuals = np.where(better[:, None], new_residuals, residuals)
-        loss = np.where(better, new_loss, loss)
-        damping = np.where(better, damping * 0.3, damping * 10.0)
-    best = int(np.argmin(loss))
-    return _footprint(values[best], residuals[best], contour, edges, size)
+    from pseudolidar.obstacles.footprint_kernels import best_rectangle
+
+    given = _given(contour, edges, size)
+    values = best_rectangle(_starts(contour, size, near_m), *given, ROUNDS)
+    return _footprint(values, given, contour)
 
 
-def _footprint(
-    values: Float64, residuals: Float64, contour: Contour, edges: Edges, size: ClassSize
-) -> Footprint:
-    one, left = values[None], residuals[None]
-    jacobian = _jacobian(one, left, contour, edges, size)[0]
+def _given(contour: Contour, edges: Edges, size: ClassSize) -> _Given:
+    """What was seen and what is usual, as the kernels take it."""
+    seen = np.stack([contour.bearing, contour.depth_m, contour.sigma_m])
+    share = float(np.sqrt(len(contour) / contour.independent))
+    hidden = (np.nan if edge is None else edge for edge in (edges.left, edges.right))
+    return seen, share, np.array([*size.length_m, *size.width_m]), np.array([*hidden, edges.sigma])
+
+
+def _footprint(values: Float64, given: _Given, contour: Contour) -> Footprint:
+    from pseudolidar.obstacles.footprint_kernels import BENT, jacobian_of, residuals_of
+
+    residuals = np.empty(len(contour) + 4)
+    jacobian = np.empty((len(values), len(residuals)))
+    residuals_of(values, *given, residuals)
+    jacobian_of(values, residuals, *given, jacobian)
     weights = 1.0 / np.sqrt(1.0 + (residuals / BENT) ** 2)
-    information = (jacobian * weights[:, None]).T @ jacobian
+    information = (jacobian * weights) @ jacobian.T
     seen = residuals[: len(contour)] * np.sqrt(len(contour) / contour.independent)
     misfit = float(np.sqrt(np.mean(seen * seen)))
     # What is no rectangle is not known as well as one: the Birge ratio.
     covariance = np.linalg.inv(information + 1e-9 * np.eye(5)) * max(1.0, misfit) ** 2
-    return Footprint(values, covariance, misfit)
+    return Footprint(values, np.asarray(covariance, np.float64), misfit)
 
 
 def _starts(contour: Contour, size: ClassSize, near_m: float) -> Float64:
@@ -132,53 +122,6 @@ def _starts(contour: Contour, size: ClassSize, near_m: float) -> Float64:
     return np.column_stack([bearing * z, z, heading, np.full(STARTS, length), [width] * STARTS])
 
 
-def _loss(
-    values: Float64, contour: Contour, edges: Edges, size: ClassSize
-) -> tuple[Float64, Float64]:
-    residuals = _residuals(values, contour, edges, size)
-    bent = 2 * BENT**2 * (np.sqrt(1.0 + (residuals / BENT) ** 2) - 1.0)
-    return bent.sum(axis=1), residuals
-
-
-def _residuals(values: Float64, contour: Contour, edges: Edges, size: ClassSize) -> Float64:
-    """(S, B + 4) in sigmas: depths by direction, left and right edge, length and width."""
-    depth, missed = _depths(values, contour.bearing)
-    along = (contour.depth_m - depth) / contour.sigma_m
-    along = np.where(missed > 0, np.hypot(along, MISSED), along) / np.sqrt(
-        len(contour) / contour.independent
-    )
-    corners = _corners(values)
-    bearings = corners[:, :, 0] / np.maximum(corners[:, :, 1], SMALLEST_M)
-    none = np.zeros(len(values))
-    left = none if edges.left is None else (bearings.min(axis=1) - edges.left) / edges.sigma
-    right = none if edges.right is None else (bearings.max(axis=1) - edges.right) / edges.sigma
-    length = (values[:, LENGTH] - size.length_m[0]) / size.length_m[1]
-    width = (values[:, WIDTH] - size.width_m[0]) / size.width_m[1]
-    return np.column_stack([along, left, right, length, width])
-
-
-def _jacobian(
-    values: Float64, residuals: Float64, contour: Contour, edges: Edges, size: ClassSize
-) -> Float64:
-    """(S, R, 5) by forward differences."""
-    moved = (values[:, None, :] + np.diag(STEPS)).reshape(-1, 5)
-    changed = _residuals(moved, contour, edges, size).reshape(len(values), 5, -1)
-    return np.asarray((changed - residuals[:, None, :]).transpose(0, 2, 1) / STEPS)
-
-
-def _depths(values: Float64, bearing: Float64) -> tuple[Float64, Float64]:
-    """(S, B) Z at which a line of sight meets the rectangle, and by how much it misses it."""
-    s, c = np.sin(values[:, HEADING]), np.cos(values[:, HEADING])
-    x, z = values[:, X], values[:, Z]
-    near, far = np.full((len(values), len(bearing)), -np.inf), np.full((1, 1), np.inf)
-    for ex, ez, half in ((s, c, 0.5 * values[:, LENGTH]), (c, -s, 0.5 * values[:, WIDTH])):
-        rate = ex[:, None] * bearing + ez[:, None]
-        rate = np.where(np.abs(rate) < 1e-6, 1e-6, rate)
-        middle, reach = (ex * x + ez * z)[:, None] / rate, half[:, None] / np.abs(rate)
-        near, far = np.maximum(near, middle - reach), np.minimum(far, middle + reach)
-    return near, near - far
-
-
 def _corners(values: Float64) -> Float64:
     """(S, 4, 2) x, z."""
     s, c = np.sin(values[:, HEADING]), np.cos(values[:, HEADING])
@@ -189,7 +132,3 @@ def _corners(values: Float64) -> Float64:
     return np.stack(
         [centre + i * along + j * across for i, j in ((1, 1), (1, -1), (-1, -1), (-1, 1))], axis=1
     )
-
-
-def _diagonal(hessian: Float64) -> Float64:
-    return np.asarray(np.einsum("sii->si", hessian))

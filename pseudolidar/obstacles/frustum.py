@@ -105,7 +105,7 @@ def _window(sight: Sight, detection: Detection) -> tuple[slice, slice]:
 
 
 def _heights_m(sight: Sight, rows: slice, columns: slice) -> Float64:
-    xyz = sight.xyz[rows, columns]
+    xyz = sight.xyz_in(rows, columns)
     if sight.ground is not None:
         return np.asarray(sight.ground.heights_m(xyz.reshape(-1, 3)).reshape(xyz.shape[:2]))
     up = -xyz[:, :, 1]

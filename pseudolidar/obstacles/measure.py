@@ -123,7 +123,7 @@ def _surest(pixels: Frustum) -> Frustum:
 def _contour(sight: Sight, pixels: Frustum, R: Float64, size: ClassSize) -> Contour:
     """Of its upright part, in level axes."""
     upright = upright_part(pixels)
-    xyz = turned(R, sight.xyz.reshape(-1, 3)[upright.pixels])
+    xyz = turned(R, sight.xyz_at(upright.pixels))
     level = replace(
         upright,
         depth_m=xyz[:, 2],

@@ -10,7 +10,7 @@ import numpy as np
 
 from pseudolidar.errors import StructureError
 from pseudolidar.geometry.planes import Plane
-from pseudolidar.structures.arrays import Bool, Float32, Float64, Image, check_array
+from pseudolidar.structures.arrays import Bool, Float32, Float64, Image, Int64, check_array
 from pseudolidar.structures.box import Label
 from pseudolidar.structures.camera import LEFT_FRAME, Camera, StereoRig
 from pseudolidar.structures.disparity import DepthMap
@@ -75,13 +75,28 @@ class Sight:
     @cached_property
     def xyz(self) -> Float32:
         """(H, W, 3) m in `camera_left`; NaN where there is no depth."""
-        fx, fy = self.camera.K[0, 0], self.camera.K[1, 1]
-        cx, cy = self.camera.K[0, 2], self.camera.K[1, 2]
-        z = self.depth.values
-        height, width = z.shape
-        across = ((np.arange(width) - cx) / fx).astype(np.float32)
-        down = ((np.arange(height) - cy) / fy).astype(np.float32)
-        return np.stack([z * across, z * down[:, None], z], axis=2)
+        return self.xyz_in(slice(None), slice(None))
+
+    def xyz_in(self, rows: slice, columns: slice) -> Float32:
+        """(h, w, 3) of these rows and columns alone."""
+        z, (across, down) = self.depth.values[rows, columns], self._rays
+        return np.stack([z * across[columns], z * down[rows, None], z], axis=2)
+
+    def xyz_at(self, pixels: Int64) -> Float32:
+        """(N, 3) of pixels, by their positions (N,) in the flat picture."""
+        rows, columns = np.divmod(pixels, self.camera.width_px)
+        z, (across, down) = self.depth.values[rows, columns], self._rays
+        return np.stack([z * across[columns], z * down[rows], z], axis=1)
+
+    @cached_property
+    def _rays(self) -> tuple[Float32, Float32]:
+        """(W,) x and (H,) y of the points at z = 1 of columns and rows."""
+        K, (width, height) = self.camera.K, self.camera.size_px
+        across, down = (
+            (np.arange(width) - K[0, 2]) / K[0, 0],
+            (np.arange(height) - K[1, 2]) / K[1, 1],
+        )
+        return across.astype(np.float32), down.astype(np.float32)
 
     @cached_property
     def sigma_m(self) -> Float32:

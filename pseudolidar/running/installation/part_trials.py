@@ -31,6 +31,7 @@ _SHIFT_PX = 8
 _SEED = 7
 _FOCAL_PX, _BASELINE_M = 100.0, 0.5
 _VOXEL_M = 0.05
+_HEIGHT_M = 1.7
 # An ONNX graph that adds two vectors of two numbers (opset 13), as `onnx.helper` writes it.
 _SUM_GRAPH = bytes.fromhex(
     "080812003a460a0e0a01610a016212016322034164641201675a0f0a0161120a0a08080112040a02"
@@ -114,6 +115,23 @@ def filters() -> str:
     in_space = normals_of_neighbours(cloud.xyz[:500], np.zeros(3))
     _check(np.allclose(in_space[:, 2], -1, atol=0.01), "normals of its points in space")
     return "kernels compiled, a flat wall stayed flat"
+
+
+def obstacles() -> str:
+    """Compile or load the kernels of the ground and of boxes, find a road, fit a box to a wall."""
+    from pseudolidar.clouds.ground import Label
+    from pseudolidar.obstacles.class_sizes import CAR
+    from pseudolidar.obstacles.contour import flat_contour
+    from pseudolidar.obstacles.footprint import Edges, fitted
+
+    ahead, aside = np.mgrid[3:30:0.3, -8:8:0.3]
+    road = np.stack([ahead, aside, np.full_like(ahead, -_HEIGHT_M)], axis=2).reshape(-1, 3)
+    plane, _ = Label().load().found(PointCloud(road.astype(np.float32), "velodyne"), ())
+    _check(plane is not None and abs(plane.offset_m - _HEIGHT_M) < 0.01, "the height of a road")
+    wall = flat_contour(-0.05, 0.05, 15.0, 0.1)
+    nearest_m = fitted(wall, Edges(-0.05, 0.05, 0.002), CAR, wall.near_m).nearest_m
+    _check(abs(nearest_m - 15.0) < 0.2, f"a wall at 15 m: {nearest_m} m")
+    return "kernels compiled, a road and a wall where they are"
 
 
 def clouds() -> str:
@@ -220,7 +238,7 @@ _SIMD_LEVELS: tuple[tuple[str, frozenset[str], str], ...] = (
 TRIALS: dict[str, Callable[[], str]] = {
     trial.__name__: trial
     for trial in (
-        *(images, matcher, filters, clouds, recordings),
+        *(images, matcher, filters, obstacles, clouds, recordings),
         *(networks, reports, worlds, processor),
     )
 }

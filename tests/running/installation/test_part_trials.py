@@ -7,7 +7,7 @@ from pathlib import Path
 import pseudolidar
 
 PACKAGE = Path(pseudolidar.__file__).parent
-WARMING = ("images", "matcher", "filters", "clouds", "worlds")
+WARMING = ("images", "matcher", "filters", "obstacles", "clouds", "worlds")
 CHILD = """
 import sys
 from pseudolidar.running.installation.part_trials import TRIALS
