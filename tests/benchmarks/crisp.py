@@ -47,6 +47,8 @@ from tests.conftest import DATA
 
 STREET_FRAMES, SEEDS = 40, (0, 1)
 JUDGED_M = 15.0
+# Points of trails that are nearer to what stands still belong to that, m.
+GHOST_M = 0.2
 EVERYTHING = 1e6
 
 
@@ -187,10 +189,12 @@ def street(seed: int) -> None:
 def street_row(name: str, source: SyntheticSource, surface: StillSurface, xyz: Float64) -> str:
     """A line of the table."""
     trail = in_driven_boxes(source, xyz)
-    off_m = surface.distance_m(xyz[~trail])
+    distance_m = surface.distance_m(xyz)
+    off_m, ghosts = distance_m[~trail], int((distance_m[trail] > GHOST_M).sum())
     complete = share_near(surface.seen, xyz)
     return (
-        f"{name:20s} {len(xyz):7d} points, in trails {int(trail.sum()):5d}; "
+        f"{name:20s} {len(xyz):7d} points, in trails {int(trail.sum()):5d}, {ghosts} of them "
+        f"beyond 20 cm from all that stands still; "
         f"complete {complete:.1%}; off by {1e3 * np.median(off_m):.0f} mm (median), "
         f"{np.mean(off_m < 0.1):.1%} within 10 cm, {np.mean(off_m > 0.5):.2%} beyond 50 cm"
     )
