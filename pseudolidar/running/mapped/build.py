@@ -13,6 +13,7 @@ import numpy as np
 from pseudolidar.geometry.frames import MAP, left_in_base_link
 from pseudolidar.mapping.free_space import FreeSpace
 from pseudolidar.mapping.fusion import TemporalFusion
+from pseudolidar.mapping.keyframe import movable_pixels
 from pseudolidar.mapping.map_points import FramePoints, MapPoints
 from pseudolidar.mapping.mesh import TsdfMesh
 from pseudolidar.mapping.occupancy import Occupancy
@@ -27,6 +28,7 @@ from pseudolidar.running.reports.samples import photo_of
 from pseudolidar.running.stream import stream
 from pseudolidar.sources.source import FrameSource
 from pseudolidar.structures.arrays import Float64, UInt8
+from pseudolidar.structures.box import Detection
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DisparityMap
@@ -110,11 +112,16 @@ class MapBuilder:
         self.occupancy = settings.occupancy.start() if occupied else None
 
     def add(
-        self, frame: StereoFrame, disparity: DisparityMap, T_odom_camera: Float64
+        self,
+        frame: StereoFrame,
+        disparity: DisparityMap,
+        T_odom_camera: Float64,
+        movable: Sequence[Detection] = (),
     ) -> PointCloud:
-        """A frame, where it was taken; its points in the map."""
+        """A frame, where it was taken, without things that may move; its points in the map."""
         T_map_camera = self._T_base_left @ T_odom_camera
-        fused = self._fusion.add(disparity, self._rig, T_map_camera)
+        masked = movable_pixels(movable, disparity.values.shape)
+        fused = self._fusion.add(disparity, self._rig, T_map_camera, movable=masked)
         rgb = colours_of(frame)
         points = self._settings.points.of(fused, rgb)
         self._tiles.add(points, T_map_camera)
@@ -166,12 +173,13 @@ def built(
     if frame_kinds:
         clouds_folder.mkdir(exist_ok=True)
     poses = {one.id: T for one, T in zip(piece.frames, piece.T_odom_camera, strict=True)}
+    movable = {one.id: one.movable for one in piece.frames}
     others = frozenset(source.ids) - poses.keys()
     outcomes = stream(source, Restored(folder), crew=CrewPlan(1), skip=others)
     with FrameProgress(len(poses)) as progress:
         for outcome in outcomes:
             if isinstance(outcome, Done):
-                cloud = builder.add(*outcome.value, poses[outcome.id])
+                cloud = builder.add(*outcome.value, poses[outcome.id], movable[outcome.id])
                 for kind in frame_kinds if len(cloud) else ():
                     write_cloud(clouds_folder / f"{outcome.id}.{kind}", cloud)
             progress.advance()

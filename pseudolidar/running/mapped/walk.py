@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -35,6 +35,7 @@ class Placed:
         inliers: how many of them agree.
         wrong: vision's step was found to be wrong, and another taken.
         T_map_camera: (4, 4) ground truth of the left camera, where the source knows it.
+        movable: things in its left image that may move by themselves, as boxes.
     """
 
     id: str
@@ -47,6 +48,7 @@ class Placed:
     inliers: int
     wrong: bool
     T_map_camera: Float64 | None
+    movable: tuple[Detection, ...] = ()
 
     @property
     def lost(self) -> bool:
@@ -94,6 +96,8 @@ class Walk:
                 state.inliers,
                 check is not None and check.wrong,
                 truth,
+                # Of masks the boxes are kept: memory must not grow by a picture a frame.
+                tuple(replace(one, mask=None) for one in movable),
             )
         )
         if self._loops is not None and state.keyframe and state.T_odom_camera is not None:
