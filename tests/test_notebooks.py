@@ -15,6 +15,7 @@ FIGURES = {
     "01_disparity_to_depth": (9, 13),
     "02_against_velodyne": (7, 12),
     "03_obstacles": (6, 11),
+    "04_mapping": (5, 7),
 }  # without and with real data
 CELL_LIMIT_S = 300  # a cell that hangs; the slowest takes seconds
 
