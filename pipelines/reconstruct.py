@@ -43,10 +43,13 @@ from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.rectified import Rectify
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSource, pairs_of, tell
+from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.eyes import Eyes
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject
+from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.camera import Camera
 from pseudolidar.structures.cloud import PointCloud
@@ -88,6 +91,10 @@ class Reconstruct:
         rig: calibration: of single pictures its left camera is theirs.
         rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
         matcher: how disparities of pairs are found, for the dense cloud.
+        rows: bring the rows of the right picture to those of the left one before matching: `auto`
+            where points that both eyes see show that they differ, `never`.
+        balance: give the right picture the brightness, colours, gamma and vignetting of the left
+            one before matching: `auto`, `always`, `never`.
         voxel: one point of the dense cloud in each cube with this edge, m.
         frames: of pairs only these: slices 0::10, ids 13,35.
         overwrite: replace what OUT holds.
@@ -100,6 +107,8 @@ class Reconstruct:
     rig: Path | None = None
     rig_unit: RigUnit | None = None
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
+    rows: RowsWhen = "auto"
+    balance: BalanceWhen = "auto"
     voxel: float = 0.02
     frames: FrameSelection | None = None
     overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
@@ -225,7 +234,8 @@ def dense_cloud(
     Raises:
         OverlapInsufficient: not one left picture is in the model.
     """
-    match = MatchFrame.load(source, job.matcher, Refining(), Clean())
+    eyes = Eyes(job.rows, job.balance)
+    match = MatchFrame.load(source, job.matcher, Refining(), Clean(), eyes=eyes)
     reproject, joined = Reproject().load(), Joined(job.voxel)
     for index, name in enumerate(source.ids):
         left, _ = views.pairs[name]

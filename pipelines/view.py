@@ -21,9 +21,12 @@ from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.sighting import SMALL_THINGS_KEPT, Seen, SightFrame
 from pseudolidar.sources.recognise import Source
 from pseudolidar.sources.selection import FrameSelection
+from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
+from pseudolidar.stereo.eyes import Eyes
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.neural import Onnx
+from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, Frame
@@ -54,6 +57,10 @@ class View:
         paths: several at once: sources (KITTI data, folders, videos, recordings, synthetic:NAME),
             folders that a run wrote, files of clouds, trajectories.
         matcher: how disparities are found.
+        rows: bring the rows of the right picture to those of the left one before matching: `auto`
+            where points that both eyes see show that they differ, `never`.
+        balance: give the right picture the brightness, colours, gamma and vignetting of the left
+            one before matching: `auto`, `always`, `never`.
         clean: what is removed of them because it is no surface; `none` keeps all.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         rig: calibration that replaces the source's cameras.
@@ -67,6 +74,8 @@ class View:
 
     paths: Annotated[tuple[str, ...], POSITIONAL] = ()
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
+    rows: RowsWhen = "auto"
+    balance: BalanceWhen = "auto"
     clean: Clean | None = field(default_factory=Clean)
     frames: FrameSelection | None = None
     rig: Path | None = None
@@ -81,6 +90,8 @@ class View:
         return Convert(
             source,
             matcher=self.matcher,
+            rows=self.rows,
+            balance=self.balance,
             clean=self.clean,
             frames=self.frames,
             rig=self.rig,
@@ -121,7 +132,8 @@ def measuring(job: View, opened: Opened) -> Callable[[Frame], Seen] | None:
     reel = opened.reels[0] if opened.reels else None
     if not isinstance(reel, SourceReel) or reel.source.yields not in (StereoFrame, DepthFrame):
         return None
-    match = MatchFrame.load(reel.source, job.matcher, Refining(), SMALL_THINGS_KEPT)
+    eyes = Eyes(job.rows, job.balance)
+    match = MatchFrame.load(reel.source, job.matcher, Refining(), SMALL_THINGS_KEPT, eyes=eyes)
     return SightFrame.of(match, GroundFit())
 
 
