@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.errors import UsageError
-from pseudolidar.geometry.twists import inverted
+from pseudolidar.geometry.twists import inverted, log_twist
 from pseudolidar.mapping.keyframe import movable_pixels
 from pseudolidar.mapping.loop_check import Refusal, consistent, verified
 from pseudolidar.mapping.place import Place, depth_cells, described, grey_cells
@@ -28,6 +28,9 @@ from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.loop import LoopClosure, LoopEnd
 
+# A frame is remembered when the camera went so far since the last one, m, or turned so far,
+# degrees.
+EVERY_M, EVERY_DEG = 3.0, 15.0
 # Two loops confirm each other when their ends are this near along the path, m, and agree so well,
 # m and degrees.
 CONFIRM_M, AGREE_M, AGREE_DEG = 20.0, 0.4, 1.5
@@ -65,7 +68,7 @@ class LoopFinder:
 
 
 class LoopSearch:
-    """Remembers places, and tells loops; give it the keyframes in order.
+    """Remembers places, and tells loops; give it the frames that it wants, in order.
 
     Args:
         settings: as declared.
@@ -95,6 +98,19 @@ class LoopSearch:
         """How many candidates were refused, by reason; those not confirmed yet among them."""
         waiting = sum(not found.told for found in self._waiting)
         return {**self._refused, "unconfirmed": self._unconfirmed + waiting}
+
+    def wants(self, T_odom_camera: Float64, piece: int = 0) -> bool:
+        """Whether a frame there is far enough from the last one that is remembered.
+
+        Args:
+            T_odom_camera: (4, 4) where odometry has it.
+            piece: of odometry's path.
+        """
+        if not self._places or self._places[-1].end.piece != piece:
+            return True
+        step = log_twist(inverted(self._places[-1].T_odom_camera) @ T_odom_camera)
+        turned_deg = float(np.rad2deg(np.linalg.norm(step[3:])))
+        return bool(np.linalg.norm(step[:3]) >= EVERY_M or turned_deg >= EVERY_DEG)
 
     def add(
         self,

@@ -8,7 +8,7 @@ import pytest
 from pseudolidar.errors import UsageError
 from pseudolidar.geometry.frames import left_in_base_link
 from pseudolidar.geometry.projection import project
-from pseudolidar.geometry.twists import inverted, log_twist
+from pseudolidar.geometry.twists import exp_twist, inverted, log_twist
 from pseudolidar.mapping.loop_check import LEAST_COLUMNS, _columns, _off_plane, verified
 from pseudolidar.mapping.loops import LoopFinder
 from pseudolidar.mapping.words import WordIndex, nearest
@@ -103,6 +103,18 @@ def test_odometry_is_never_off_by_so_much(rounds):
         loops += finder.add(frame.index, frame, frame.truth, pose)
     assert loops == []
     assert finder.refused["drift"] >= len(SECOND)
+
+
+def test_frames_are_wanted_where_the_camera_went_on(rounds):
+    frames, T = rounds
+    finder = LoopFinder().start(frames[0].rig)
+    assert finder.wants(T[0])
+    finder.add(0, frames[0], frames[0].truth, T[0])
+    ahead, turned = (exp_twist(np.eye(6)[axis] * by) for axis, by in ((2, 3.1), (4, 0.3)))
+    assert not finder.wants(T[0])
+    assert finder.wants(T[0] @ ahead)
+    assert finder.wants(T[0] @ turned)
+    assert finder.wants(T[0], piece=1)
 
 
 def test_what_is_kept_is_small(search):

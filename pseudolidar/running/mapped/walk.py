@@ -100,12 +100,13 @@ class Walk:
                 tuple(replace(one, mask=None) for one in movable),
             )
         )
-        if self._loops is not None and state.keyframe and state.T_odom_camera is not None:
+        pose = state.T_odom_camera
+        if self._loops is not None and pose and self._loops.wants(pose.matrix, state.piece):
             self._found += self._loops.add(
                 frame.index,
                 frame,
                 disparity,
-                state.T_odom_camera.matrix,
+                pose.matrix,
                 piece=state.piece,
                 movable=tuple(movable),
                 correction=self.correction,
