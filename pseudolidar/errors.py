@@ -458,7 +458,7 @@ class CameraChanged(CameraFault):
 class ServeError(EnvironmentFault):
     """The viewer cannot be served: its port is taken, or its host is none of this machine."""
 
-    advice = "Choose another with --port and --host, or --port auto."
+    advice = "Choose another with --port (0 for any that is free) and --host."
 
 
 class MissingDependency(EnvironmentFault):
