@@ -141,8 +141,15 @@ def _store(
 
 
 def _solved(colmap: Any, work: Path, *, fixed: bool) -> Mapping[int, Any]:
-    colmap.geometric_verification(str(work / "db"))
+    verifier, two_views = colmap.GeometricVerifierOptions(), colmap.TwoViewGeometryOptions()
+    verifier.num_threads, two_views.ransac.random_seed = 1, SEED
+    colmap.set_random_seed(SEED)
+    colmap.geometric_verification(
+        str(work / "db"), verifier_options=verifier, two_view_geometry_options=two_views
+    )
     options = colmap.IncrementalPipelineOptions()
+    options.mapper.num_threads, options.mapper.random_seed = 1, SEED
+    options.triangulation.random_seed = SEED
     options.min_model_size, options.multiple_models = FEWEST_VIEWS, False
     options.random_seed, options.num_threads = SEED, 1
     # COLMAP begins with views that see points at 16 degrees; of a handful there seldom are such.
