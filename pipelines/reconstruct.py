@@ -6,21 +6,17 @@ import json
 import logging
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
 from pseudolidar.clouds.merge import Joined
 from pseudolidar.errors import (
-    ALL_DONE,
-    SOME_SKIPPED,
     CalibrationField,
     OverlapInsufficient,
     PseudolidarError,
     UsageError,
 )
-from pseudolidar.evaluation.cloud_views import Eye, from_above, perspective
-from pseudolidar.evaluation.page import KeyFigure, Picture, PictureRow, Section, render_page
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.rigs.rig_file import read_any_rig
 from pseudolidar.formats.rigs.rig_reading import RigUnit
@@ -38,6 +34,7 @@ from pseudolidar.running.mapped.views import (
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.one_cloud import write_cloud
 from pseudolidar.running.progress import FrameProgress
+from pseudolidar.running.reports.views_report import ReconstructReport, page_of
 from pseudolidar.sources.other_rig import opened_with_rig
 from pseudolidar.sources.recognise import recognise
 from pseudolidar.sources.rectified import Rectify
@@ -137,7 +134,7 @@ def run(job: Reconstruct) -> ReconstructReport:
     model, notes = in_metres(model, views, job.distance)
     dense = None if source is None or not model.scaled else dense_cloud(job, source, views, model)
     files = stored(job.out, model, dense)
-    report = ReconstructReport(job.out, model, dense, (*bad, *notes), files)
+    report = ReconstructReport(job.out, model, dense, notes, bad, files)
     write_atomic(job.out / PAGE_NAME, page_of(report))
     return report
 
@@ -269,109 +266,3 @@ def stored(out: Path, model: SparseModel, dense: PointCloud | None) -> tuple[Pat
         files.append(out / DENSE_NAME)
         write_cloud(files[-1], dense)
     return (*files, out / COLMAP_FOLDER, out / PAGE_NAME)
-
-
-@dataclass(frozen=True, eq=False)
-class ReconstructReport:
-    """What was found.
-
-    Args:
-        out: output folder.
-        model: cameras and points.
-        dense: of pairs their clouds.
-        notes: what is odd.
-        files: what there is to open.
-    """
-
-    out: Path
-    model: SparseModel
-    dense: PointCloud | None
-    notes: tuple[str, ...]
-    files: tuple[Path, ...]
-
-    @property
-    def exit_code(self) -> int:
-        """0 all pictures are in the model, 4 some are not."""
-        return SOME_SKIPPED if self.model.left_out else ALL_DONE
-
-    def as_dict(self) -> dict[str, Any]:
-        """Counts, error, whether lengths are metres, files."""
-        return {
-            "pictures": len(self.model.names) + len(self.model.left_out),
-            "placed": list(self.model.names),
-            "left_out": list(self.model.left_out),
-            "points": len(self.model.points),
-            "dense_points": None if self.dense is None else len(self.dense),
-            "error_px": self.model.error_px,
-            "metres": self.model.scaled,
-            "notes": list(self.notes),
-            "files": [str(file) for file in self.files],
-        }
-
-    @property
-    def points_shown(self) -> PointCloud:
-        """What the pictures are drawn of."""
-        return self.model.points if self.dense is None else self.dense
-
-    @property
-    def placed(self) -> list[tuple[str, np.ndarray]]:
-        """Each picture with its (4, 4) pose."""
-        return list(zip(self.model.names, self.model.T_world_camera, strict=True))
-
-    @property
-    def size_m(self) -> float:
-        """How far points are apart, most of them."""
-        xyz = self.points_shown.xyz
-        return float(np.linalg.norm(np.quantile(xyz, 0.9, axis=0) - np.quantile(xyz, 0.1, axis=0)))
-
-    @property
-    def eye(self) -> Eye:
-        """Behind and above the first picture."""
-        size = self.size_m
-        middle = np.median(self.points_shown.xyz, axis=0)
-        x, y, z = (float(value) for value in middle)
-        return Eye((-0.3 * size, 0.0, 0.3 * size), (x, y, z))
-
-    def text(self) -> str:
-        """The same for people."""
-        model = self.model
-        every = len(model.names) + len(model.left_out)
-        lines = [
-            f"{len(model.names)} of {every} pictures placed, {len(model.points):,} points, "
-            f"reprojection error {model.error_px:.2f} px"
-        ]
-        lines += [f"  left out: {name}" for name in model.left_out]
-        if self.dense is not None:
-            lines.append(f"  {len(self.dense):,} points of pairs in one cloud")
-        lines += [f"  note: {note}" for note in self.notes]
-        return "\n".join([*lines, *(f"  {file}" for file in self.files)])
-
-
-def page_of(report: ReconstructReport) -> bytes:
-    """The page: from above, and as the first camera sees it."""
-    cloud = report.points_shown
-    above, per_px = from_above(cloud, point_m=report.size_m / 300)
-    seen = perspective(cloud, report.eye, point_m=report.size_m / 300)
-    model = report.model
-    unit = "m" if model.scaled else "of no unit"
-    rows = [(name, *(f"{x:.3f}" for x in T[:3, 3])) for name, T in report.placed]
-    pictures = PictureRow(
-        (
-            Picture.photo(above, f"from above, {per_px:.3g} {unit} a pixel"),
-            Picture.photo(seen, "from behind the first picture"),
-        )
-    )
-    header = ("picture", f"x, {unit}", "y", "z")
-    return render_page(
-        f"{len(model.names)} pictures",
-        "where they were taken, and what they share",
-        [
-            Section("From above and from behind", pictures=[pictures]),
-            Section("Where they were taken", header=header, table=rows),
-        ],
-        keys=[
-            KeyFigure("pictures", str(len(model.names)), f"{len(model.left_out)} left out"),
-            KeyFigure("points", f"{len(model.points):,}", "that two or more show"),
-            KeyFigure("error", f"{model.error_px:.2f} px", "mean, reprojected"),
-        ],
-    )

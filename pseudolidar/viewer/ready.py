@@ -23,7 +23,6 @@ class Ready:
         load: makes a frame; called from threads.
         workers: threads.
         budget_bytes: what frames may hold. The most wanted one is kept whatever it holds.
-        changed: called from a thread when a frame became ready.
     """
 
     def __init__(
@@ -32,14 +31,15 @@ class Ready:
         *,
         workers: int = 2,
         budget_bytes: int = BUDGET_BYTES,
-        changed: Callable[[int], None] = lambda _index: None,
     ) -> None:
-        self._load, self._budget_bytes, self._changed = load, budget_bytes, changed
+        self._load, self._budget_bytes = load, budget_bytes
         self._pool = ThreadPoolExecutor(workers, thread_name_prefix="viewer-frames")
         self._lock = threading.Lock()
         self._held: dict[int, Moment] = {}  # the longest unused first
         self._coming: dict[int, Future[None]] = {}
         self._wanted: Sequence[int] = ()
+        # What threads began to make for another one is of an old kind, and is not taken in.
+        self._made_for = object()
 
     def want(self, indices: Sequence[int]) -> None:
         """Make these ready, in this order, and forget what was wanted before."""
@@ -70,7 +70,7 @@ class Ready:
                 future.cancel()
             self._coming.clear()
             self._held.clear()
-            self._generation_ended()
+            self._made_for = object()
 
     def close(self) -> None:
         """Make nothing more."""
@@ -82,12 +82,6 @@ class Ready:
         with self._lock:
             return sum(moment.nbytes for moment in self._held.values())
 
-    def _generation_ended(self) -> None:
-        # What threads are making now is of the old kind: it is not taken in.
-        self._made_for = object()
-
-    _made_for: object = None
-
     def _make(self, index: int) -> None:
         made_for = self._made_for
         moment = self._load(index)
@@ -97,7 +91,6 @@ class Ready:
             self._coming.pop(index, None)
             self._held[index] = moment
             self._give_up()
-        self._changed(index)
 
     def _give_up(self) -> None:
         keep = set(self._wanted)

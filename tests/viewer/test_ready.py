@@ -101,11 +101,3 @@ def test_frames_of_old_settings_are_not_taken_in():
     shown = ready.get(0)
     assert shown is not None
     assert shown.id == "new"
-
-
-def test_one_is_told_when_a_frame_is_ready():
-    told: list[int] = []
-    ready = Ready(moment, workers=1, changed=told.append)
-    ready.want([7])
-    wait_until(lambda: told == [7])
-    ready.close()
