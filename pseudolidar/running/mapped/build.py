@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from pseudolidar.formats.atomic import output_error
 from pseudolidar.geometry.frames import MAP, left_in_base_link
 from pseudolidar.mapping.free_space import FreeSpace
 from pseudolidar.mapping.fusion import TemporalFusion
@@ -101,7 +103,7 @@ class MapBuilder:
     ) -> None:
         self._rig, self._settings = rig, settings
         self._T_base_left = left_in_base_link(rig).matrix
-        work = folder / WORK_FOLDER
+        self._work = work = folder / WORK_FOLDER
         sums = work / SUMS_FOLDER
         shutil.rmtree(sums, ignore_errors=True)
         sums.mkdir(parents=True)
@@ -124,8 +126,9 @@ class MapBuilder:
         fused = self._fusion.add(disparity, self._rig, T_map_camera, movable=masked)
         rgb = colours_of(frame)
         points = self._settings.points.of(fused, rgb)
-        self._tiles.add(points, T_map_camera)
-        self._free.add(fused.depth_m, T_map_camera)
+        with self._disk_named():
+            self._tiles.add(points, T_map_camera)
+            self._free.add(fused.depth_m, T_map_camera)
         if self.mesh is not None:
             agreed = np.where(fused.counts >= self._settings.points.frames, fused.depth_m, np.nan)
             pose = Pose(MAP, self._rig.left.frame, T_map_camera)
@@ -137,8 +140,17 @@ class MapBuilder:
 
     def clouds(self) -> Iterator[tuple[tuple[int, int], PointCloud]]:
         """The tiles of the map."""
-        yield from self._tiles.merged(self._free)
-        self._free.close()
+        with self._disk_named():
+            yield from self._tiles.merged(self._free)
+            self._free.close()
+
+    @contextlib.contextmanager
+    def _disk_named(self) -> Iterator[None]:
+        """A disk that is full or gone is told as everywhere, with the folder."""
+        try:
+            yield
+        except OSError as error:
+            raise output_error(self._work, error) from error
 
 
 def built(

@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from pseudolidar.errors import OutputError
 from pseudolidar.running.installation.part_trials import trial_frame
 from pseudolidar.running.mapped.build import MapBuilder, MapSettings
 from pseudolidar.structures.box import Detection
@@ -27,3 +29,17 @@ def test_things_that_may_move_are_not_in_the_map(tmp_path: Path):
     assert len(points[-1]) > 1000
     assert tile.xyz[:, 1].max() < 0.1
     assert tile.xyz[:, 1].min() < -0.5
+
+
+def test_a_full_disk_is_told_with_its_folder(tmp_path: Path):
+    frame = trial_frame()
+    shape = frame.left.shape[:2]
+    wall = DisparityMap(np.full(shape, 20.0, np.float32))
+    (tmp_path / ".work").mkdir()
+    builder = MapBuilder(tmp_path, frame.rig, MapSettings())
+    # A device that is always full: what is written to it fails as on a full disk.
+    builder._free._file = open("/dev/full", "wb", buffering=0)  # noqa: PTH123, SIM115
+    with pytest.raises(OutputError, match="No space left") as full:
+        builder.add(frame, wall, np.eye(4))
+    assert full.value.path == str(tmp_path / ".work")
+    builder._free.close()
