@@ -191,10 +191,10 @@ def test_bombs_are_refused_before_they_expand(tmp_path: Path, bomb: str) -> None
     path = tmp_path / "a.mcap"
     path.write_bytes(MAGIC + BOMBS[bomb]() + record_bytes(Footer(0, 0, 0)) + MAGIC)
     tracemalloc.start()
-    began_s = time.perf_counter()
+    began_s = time.process_time()
     with pytest.raises(RecordingError) as caught:
         open_mcap(path)
-    took_s, (_, peak) = time.perf_counter() - began_s, tracemalloc.get_traced_memory()
+    took_s, (_, peak) = time.process_time() - began_s, tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert "byte" in caught.value.where
     assert took_s < 2

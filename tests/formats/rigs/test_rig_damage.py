@@ -107,10 +107,10 @@ def test_a_claim_of_terabytes_allocates_nothing(tmp_path: Path) -> None:
     text = PLAIN.format("d", K_DATA).replace(": 3\n", ": 1000000\n")
     path.write_text(text + "M2: [1]\nR: 1\nT: 1\n")
     before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    begin_s = time.perf_counter()
+    begin_s = time.process_time()
     with pytest.raises(CalibrationValue):
         read_any_rig(path, size_px=SIZE)
-    assert time.perf_counter() - begin_s < 0.5
+    assert time.process_time() - begin_s < 0.5
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb < 2_000
 
 

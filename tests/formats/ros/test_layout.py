@@ -101,10 +101,10 @@ def test_definitions_that_explode_are_refused_at_once() -> None:
         fields = "\n".join(f"pkg/L{level + 1} f{i}" for i in range(20))
         parts.append(f"MSG: pkg/L{level}\n{fields}")
     parts.append("MSG: pkg/L15\nint8 x")
-    began_s = time.perf_counter()
+    began_s = time.process_time()
     with pytest.raises(ValueError, match=r"values in|holds itself"):
         parse_layout("pkg/Type", "\n======\n".join(parts))
-    assert time.perf_counter() - began_s < 1
+    assert time.process_time() - began_s < 1
 
 
 def test_lengths_that_lie_are_refused() -> None:
