@@ -49,11 +49,23 @@ class App:
         if opened.reels:
             self.time = TimePanel(self.view)
             self.picture = PicturePanel(self.view, sighted)
-        self.scene = ScenePanel(self.view)
         self.points = PointsPanel(self.view)
-        self.export = ExportPanel(self.view)
-        self.help = HelpPanel(self.view, opened)
+        self._add_tabs(opened)
         self._ended = threading.Event()
+
+    def _add_tabs(self, opened: Opened) -> None:
+        """Panels that are looked at one at a time; what to do comes first where nothing is open."""
+        tabs = self.view.gui.add_tab_group()
+        names = ["Scene", "Export", "Help"]
+        if opened.is_empty:
+            names = ["Help", "Scene", "Export"]
+        tab = {name: tabs.add_tab(name) for name in names}
+        with tab["Scene"]:
+            self.scene = ScenePanel(self.view)
+        with tab["Export"]:
+            self.export = ExportPanel(self.view)
+        with tab["Help"]:
+            self.help = HelpPanel(self.view, opened)
 
     def _look_from(self) -> None:
         camera = self.view.server.viser.initial_camera

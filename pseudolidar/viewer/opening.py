@@ -43,6 +43,11 @@ class Opened:
     reels: tuple[Reel, ...] = ()
     stills: tuple[Still, ...] = ()
 
+    @property
+    def is_empty(self) -> bool:
+        """Nothing at all."""
+        return not self.reels and not self.stills
+
 
 @dataclass
 class Opening:

@@ -91,6 +91,7 @@ def test_colours_are_chosen(app: App, opened_page: Page):
 
 def test_a_pixel_tells_its_depth(app: App, opened_page: Page):
     inner = pictures(opened_page)
+    inner.wait_for_selector("#picture").scroll_into_view_if_needed()
     box = inner.wait_for_selector("#picture").bounding_box()
     assert box is not None
     opened_page.mouse.move(box["x"] + box["width"] * 0.5, box["y"] + box["height"] * 0.9)

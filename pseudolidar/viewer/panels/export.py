@@ -33,8 +33,7 @@ class ExportPanel:
         self._view = view
         self._names: tuple[str, ...] = ()
         view.server.pages |= {"/export/cloud": self._cloud, "/export/scene": self._scene}
-        with view.gui.add_folder("Export", expand_by_default=False):
-            self._links = view.gui.add_html(_links(()))
+        self._links = view.gui.add_html(_links(()))
         view.on_shown(self._show)
 
     def _show(self, _moment: Moment) -> None:

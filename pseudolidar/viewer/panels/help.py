@@ -29,7 +29,7 @@ EMPTY = """
 
 
 class HelpPanel:
-    """Folded, unless nothing is open.
+    """What to do.
 
     Args:
         view: what is looked at.
@@ -37,9 +37,7 @@ class HelpPanel:
     """
 
     def __init__(self, view: View, opened: Opened) -> None:
-        empty = not opened.reels and not opened.stills
-        with view.gui.add_folder("Help", expand_by_default=empty):
-            view.gui.add_markdown(EMPTY if empty else f"{listed(opened)}\n{KEYS}")
+        view.gui.add_markdown(EMPTY if opened.is_empty else f"{listed(opened)}\n{KEYS}")
 
 
 def listed(opened: Opened) -> str:

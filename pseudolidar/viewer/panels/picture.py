@@ -21,13 +21,15 @@ from pseudolidar.structures.box import Detection
 from pseudolidar.structures.obstacle import Obstacle
 from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.answers import Answer
+from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.pictures import camera_of, kinds, pixel_of
 from pseudolidar.viewer.view import View
 
 PAGE = Path(__file__).parent.parent / "pages" / "picture.html"
 # Pictures whose colours mean values; the others are photos.
 EXACT = ("disparity", "depth", "sigma", "error")
-HEIGHT_PX = 300
+# Room for them: their width on the page, names and what is told of a pixel, px.
+WIDE_PX, WORDS_PX, MOST_PX = 364, 140, 420
 # What an unnamed thing in a box is called.
 THING = "thing"
 
@@ -53,10 +55,18 @@ class PicturePanel:
             "/picture/measure": self._measure,
         }
         with view.gui.add_folder("Pictures"):
-            view.gui.add_html(
-                f'<iframe src="/picture" title="Pictures" style="width:100%;height:{HEIGHT_PX}px;'
-                'border:0;display:block"></iframe>'
-            )
+            self._frame = view.gui.add_html(framed(MOST_PX))
+        view.on_shown(self._fit)
+
+    def _fit(self, moment: Moment) -> None:
+        """Make the page as high as pictures of this shape need."""
+        if moment.converted is None or not kinds(moment.converted):
+            return
+        camera = camera_of(moment.converted.frame)
+        picture_px = round(WIDE_PX * camera.height_px / camera.width_px)
+        page = framed(min(picture_px + WORDS_PX, MOST_PX))
+        if self._frame.content != page:
+            self._frame.content = page
 
     def _state(self, _query: Mapping[str, str]) -> Answer:
         converted = self._converted
@@ -113,6 +123,14 @@ class PicturePanel:
     def _converted(self) -> Converted | None:
         moment = self._view.moment
         return None if moment is None else moment.converted
+
+
+def framed(height_px: int) -> str:
+    """The page of the pictures within viser's."""
+    return (
+        f'<iframe src="/picture" title="Pictures" style="width:100%;height:{height_px}px;'
+        'border:0;display:block"></iframe>'
+    )
 
 
 def _said(obstacle: Obstacle) -> str:

@@ -24,8 +24,7 @@ class PointsPanel:
     def __init__(self, view: View) -> None:
         self._view = view
         self._last: tuple[Picked, Float64] | None = None
-        with view.gui.add_folder("Points"):
-            self._text = view.gui.add_markdown(HINT)
+        self._text = view.gui.add_markdown(HINT)
         view.server.viser.scene.on_click()(self._clicked)
         view.on_shown(self._forget)
 
