@@ -36,7 +36,7 @@ from pseudolidar.running.mapped.map_recording import plan_recording, write_recor
 from pseudolidar.running.mapped.mesh_outputs import MeshOutputs, mesh_figures
 from pseudolidar.running.mapped.occupancy_outputs import OCCUPANCY_FILES, write_occupancy
 from pseudolidar.running.mapped.odometry_film import ODOMETRY_FILM, OdometryFilm
-from pseudolidar.running.mapped.stored import WORK_FOLDER, MatchOnce
+from pseudolidar.running.mapped.stored import PLACES_FILE, WORK_FOLDER, MatchOnce
 from pseudolidar.running.mapped.trajectory_files import KITTI_NAME, TUM_NAME, write_trajectories
 from pseudolidar.running.mapped.walk import Piece, Walk
 from pseudolidar.running.matching import MatchFrame, Refining
@@ -224,7 +224,8 @@ def run(job: Map) -> MapReport | Rehearsal:
             crew=job.crew,
             searching=job.searching,
         )
-        loops = None if job.loops is None else job.loops.start(source.rig)
+        places = job.out / PLACES_FILE
+        loops = None if job.loops is None else job.loops.start(source.rig, places)
         walk = Walk(job.odometry.start(source.rig), source.rig, loops)
         begun_s = time.monotonic()
         film = OdometryFilm(job.out) if job.debug_video else None

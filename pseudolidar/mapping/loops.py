@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from pseudolidar.geometry.twists import inverted, log_twist
 from pseudolidar.mapping.keyframe import movable_pixels
 from pseudolidar.mapping.loop_check import Refusal, consistent, verified
 from pseudolidar.mapping.place import Place, depth_cells, described, grey_cells
+from pseudolidar.mapping.place_store import PlaceFile, PlaceNote, PlaceStore
 from pseudolidar.mapping.words import WordIndex
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.box import Detection
@@ -52,11 +54,16 @@ class LoopFinder:
     apart_m: float = 40.0
     similarity: float = 0.08
 
-    def start(self, rig: StereoRig) -> LoopSearch:
+    def start(self, rig: StereoRig, path: Path | None = None) -> LoopSearch:
         """Begin with the cameras of all frames to come.
+
+        Args:
+            rig: rectified.
+            path: of the file that places are kept in; None for a temporary one without a name.
 
         Raises:
             UsageError: numbers that mean nothing.
+            OutputError: the file cannot be made.
         """
         if self.candidates < 1 or not self.apart_m > 0 or not 0 <= self.similarity < 1:
             raise UsageError(
@@ -64,7 +71,7 @@ class LoopFinder:
                 f"{self.similarity:g}",
                 want="1 or more, above 0 m, 0 to 1",
             )
-        return LoopSearch(self, rig)
+        return LoopSearch(self, rig, PlaceFile(path))
 
 
 class LoopSearch:
@@ -73,12 +80,13 @@ class LoopSearch:
     Args:
         settings: as declared.
         rig: rectified; the correction it has is used unless `add` is given another.
+        file: where places are kept.
     """
 
-    def __init__(self, settings: LoopFinder, rig: StereoRig) -> None:
+    def __init__(self, settings: LoopFinder, rig: StereoRig, file: PlaceFile) -> None:
         self._settings, self._rig = settings, rig
         self._index = WordIndex()
-        self._places: list[Place] = []
+        self._places = PlaceStore(file)
         self._waiting: list[_Found] = []
         self._refused: Counter[Refusal] = Counter()
         self._unconfirmed = 0
@@ -90,8 +98,8 @@ class LoopSearch:
 
     @property
     def bytes(self) -> int:
-        """What they take in memory, without their words."""
-        return sum(place.bytes for place in self._places)
+        """What they take on disk."""
+        return self._places.bytes
 
     @property
     def refused(self) -> dict[Refusal, int]:
@@ -139,6 +147,7 @@ class LoopSearch:
 
         Raises:
             CalibrationSizeMismatch: the frame has another size than the rig.
+            OutputError: the disk is full or gone.
         """
         self._rig.check_size(*frame.size_px)
         rig = self._rig if correction is None else self._rig.with_correction(correction)
@@ -155,12 +164,13 @@ class LoopSearch:
             depth_cells(disparity, rig).astype(np.float16),
             grey_cells(frame),
         )
-        self._places.append(place)
+        self._places.add(place)
         self._index.add(descriptors)
         for other in self._similar(place):
             loop = self._verified(other, place)
             if loop is not None:
-                return self._confirmed(_Found(loop, other, place))
+                notes = self._places[other.number], self._places[place.number]
+                return self._confirmed(_Found(loop, *notes))
         return []
 
     def _along_m(self, T_odom_camera: Float64, piece: int) -> float:
@@ -173,14 +183,15 @@ class LoopSearch:
 
     def _similar(self, place: Place) -> list[Place]:
         """The places most like this one, none of them passed just before."""
-        likeness = self._index.similar(place.number)
+        likeness = self._index.similar()
         for other in reversed(self._places):
             near = place.along_m - other.along_m < self._settings.apart_m
             if other.end.piece != place.end.piece or not near:
                 break
             likeness[other.number] = 0.0
         best = np.argsort(-likeness, kind="stable")[: self._settings.candidates]
-        return [self._places[i] for i in best if likeness[i] > self._settings.similarity]
+        chosen = [int(i) for i in best if likeness[i] > self._settings.similarity]
+        return [self._places.load(i) for i in chosen]
 
     def _verified(self, earlier: Place, later: Place) -> LoopClosure | None:
         """The loop to a candidate; what is none is counted."""
@@ -211,11 +222,11 @@ class _Found:
     """A loop that waits for another to confirm it."""
 
     loop: LoopClosure
-    earlier: Place
-    later: Place
+    earlier: PlaceNote
+    later: PlaceNote
     told: bool = False
 
-    def near_end_of(self, later: Place) -> bool:
+    def near_end_of(self, later: PlaceNote) -> bool:
         """Whether a later place is near enough to confirm it."""
         return _along(self.later, later) < CONFIRM_M
 
@@ -232,7 +243,7 @@ class _Found:
         return bool(np.linalg.norm(apart[:3]) < AGREE_M and turned_deg < AGREE_DEG)
 
 
-def _along(one: Place, other: Place) -> float:
+def _along(one: PlaceNote | Place, other: PlaceNote | Place) -> float:
     """Path between two places, m; infinite between pieces."""
     same = one.end.piece == other.end.piece
     return abs(one.along_m - other.along_m) if same else float("inf")

@@ -1,6 +1,6 @@
 """What is kept of a keyframe so that its place is known again: points, and depths in coarse cells.
 
-No picture is kept: about 25 kB a keyframe.
+No picture is kept: about 25 kB a keyframe, on disk.
 """
 
 from __future__ import annotations
@@ -62,12 +62,6 @@ class Place:
 
     def __len__(self) -> int:
         return len(self.d)
-
-    @property
-    def bytes(self) -> int:
-        """What it takes in memory."""
-        columns = (self.uv, self.d, self.descriptors, self.depth_cells_m, self.grey_cells)
-        return sum(column.nbytes for column in columns)
 
 
 def described(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from array import array
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -88,18 +88,20 @@ class WordIndex:
 
     _vocabulary: Vocabulary | None = None
     _seen: list[UInt8] = field(default_factory=list)
-    _words: list[Int64] = field(default_factory=list)
-    _places: dict[int, list[int]] = field(default_factory=lambda: defaultdict(list))
+    _sizes: list[int] = field(default_factory=list)
+    _newest: Int64 = field(default_factory=lambda: np.zeros(0, np.int64))
+    # Whole numbers of four bytes: of a long path this is what grows.
+    _places: dict[int, array[int]] = field(default_factory=dict)
 
     def add(self, descriptors: UInt8) -> None:
         """The next place."""
-        if len(self._words) < LEARNT_AT[-1]:
+        if len(self._sizes) < LEARNT_AT[-1]:
             self._seen.append(descriptors)
-        self._words.append(np.zeros(0, np.int64))
-        if len(self._words) in LEARNT_AT:
+        self._sizes.append(0)
+        if len(self._sizes) in LEARNT_AT:
             self._learn()
         elif self._vocabulary is not None:
-            self._enter(len(self._words) - 1, descriptors)
+            self._enter(len(self._sizes) - 1, descriptors)
 
     def _learn(self) -> None:
         every = np.concatenate(self._seen)
@@ -109,31 +111,31 @@ class WordIndex:
         self._places.clear()
         for place, descriptors in enumerate(self._seen):
             self._enter(place, descriptors)
-        if len(self._words) == LEARNT_AT[-1]:
+        if len(self._sizes) == LEARNT_AT[-1]:
             self._seen.clear()
 
     def _enter(self, place: int, descriptors: UInt8) -> None:
         assert self._vocabulary is not None  # asked for once there is one
+        self._newest = np.zeros(0, np.int64)
         if not len(descriptors):
             return
-        words = np.unique(self._vocabulary.words(descriptors))
-        self._words[place] = words
-        for word in words.tolist():
-            self._places[word].append(place)
+        self._newest = np.unique(self._vocabulary.words(descriptors))
+        self._sizes[place] = len(self._newest)
+        for word in self._newest.tolist():
+            self._places.setdefault(word, array("i")).append(place)
 
-    def similar(self, place: int) -> Float64:
-        """(N,) similarity of all places that were added to one of them; 0 to itself."""
-        shared = np.zeros(len(self._words))
-        most = COMMON_SHARE * len(self._words)
-        own = 0.0
-        for word in self._words[place].tolist():
+    def similar(self) -> Float64:
+        """(N,) similarity of all places to the newest one; 0 to itself."""
+        count = len(self._sizes)
+        shared, own = np.zeros(count), 0.0
+        for word in self._newest.tolist():
             places = self._places[word]
-            if len(places) > most:
+            if len(places) > COMMON_SHARE * count:
                 continue
-            rarity = float(np.log(len(self._words) / len(places)))
-            shared[places] += rarity**2
+            rarity = float(np.log(count / len(places)))
+            shared[np.array(places)] += rarity**2
             own += rarity**2
-        sizes = np.array([max(1, len(words)) for words in self._words])
-        likeness = shared / max(own, 1e-12) / np.sqrt(sizes / sizes[place])
-        likeness[place] = 0.0
+        sizes = np.maximum(1, self._sizes)
+        likeness = shared / max(own, 1e-12) / np.sqrt(sizes / sizes[-1])
+        likeness[-1] = 0.0
         return np.asarray(likeness)

@@ -11,6 +11,7 @@ from pseudolidar.geometry.projection import project
 from pseudolidar.geometry.twists import exp_twist, inverted, log_twist
 from pseudolidar.mapping.loop_check import LEAST_COLUMNS, _columns, _off_plane, verified
 from pseudolidar.mapping.loops import LoopFinder
+from pseudolidar.mapping.place_store import MOST_LOADED, PlaceFile, PlaceStore
 from pseudolidar.mapping.words import WordIndex, nearest
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.loop import LoopClosure
@@ -69,7 +70,7 @@ def test_a_loop_waits_for_a_second_one(rounds):
 def test_other_depths_are_refused(rounds, search):
     """Where the picture is the same and the depths are not, as on a poster of the place."""
     finder, loops = search
-    places = {place.end.index: place for place in finder._places}
+    places = {note.end.index: finder._places.load(note.number) for note in finder._places}
     rig = rounds[0][0].rig
     earlier, later = (places[end.index] for end in (loops[-1].earlier, loops[-1].later))
     assert isinstance(verified(earlier, later, rig), LoopClosure)
@@ -117,6 +118,21 @@ def test_frames_are_wanted_where_the_camera_went_on(rounds):
     assert finder.wants(T[0], piece=1)
 
 
+def test_places_come_back_from_disk_and_few_are_in_memory(search, tmp_path):
+    first = search[0]._places.load(0)
+    store = PlaceStore(PlaceFile(tmp_path / "work" / "places"))
+    count = MOST_LOADED + 8
+    for i in range(count):
+        store.add(replace(first, number=i, d=first.d + np.float32(i)))
+    for i in (0, count - 1, *range(count)):
+        place = store.load(i)
+        assert np.array_equal(place.d, first.d + np.float32(i))
+        for name in ("uv", "descriptors", "depth_cells_m", "grey_cells"):
+            assert np.array_equal(getattr(place, name), getattr(first, name), equal_nan=True)
+    assert len(store._loaded) == MOST_LOADED
+    assert (tmp_path / "work" / "places").stat().st_size == store.bytes
+
+
 def test_what_is_kept_is_small(search):
     finder, _ = search
     assert finder.bytes / finder.places < 30_000
@@ -130,7 +146,7 @@ def test_words_tell_the_place_that_is_alike():
         index.add(descriptors)
     noise = np.packbits(rng.random((120, 256)) < 0.04, axis=1)
     index.add(places[3] ^ noise)
-    likeness = index.similar(12)
+    likeness = index.similar()
     assert likeness.argmax() == 3
     assert likeness[3] > 3 * np.delete(likeness, 3).max()
     bits, rows = nearest(places[3] ^ noise, places[3])

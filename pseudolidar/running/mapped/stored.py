@@ -21,6 +21,8 @@ from pseudolidar.structures.frame import StereoFrame
 
 # Hidden: it is what a run works with, not what it was asked for.
 WORK_FOLDER = ".work"
+# Where the finder of loops keeps the places that it remembers.
+PLACES_FILE = f"{WORK_FOLDER}/places"
 
 
 @dataclass(frozen=True, eq=False)
