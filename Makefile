@@ -34,8 +34,9 @@ $(VENV)/installed-dev: $(VENV)/installed
 
 # --- what to do ----------------------------------------------------------------------------------
 
-demo: $(VENV)/installed ## install, convert the synthetic drive to out/demo, say what to open
+demo: $(VENV)/installed ## install, convert the synthetic drive to out/demo, show it in a browser
 	$(BIN)/pseudolidar demo
+	@if [ -t 1 ]; then $(BIN)/pseudolidar view out/demo/street.mcap; fi
 
 # The viewer is tested in a real browser; where none can be had these tests say so and are skipped.
 $(VENV)/browser: | $(VENV)/installed-dev

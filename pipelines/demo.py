@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 # The package path of pipelines/ is made at run time; mypy checks the file itself.
 from pseudolidar.pipelines.convert import Convert  # type: ignore[import-untyped]
@@ -37,9 +37,9 @@ class Demo:
     overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
 
 
-def run(job: Demo) -> ConvertReport | Rehearsal:
+def run(job: Demo) -> DemoReport:
     """The conversion with the settings that show most."""
-    report: ConvertReport | Rehearsal = convert(
+    converted = convert(
         Convert(
             source=Synthetic(job.world, frames=job.frames),
             out=job.out,
@@ -47,4 +47,31 @@ def run(job: Demo) -> ConvertReport | Rehearsal:
             overwrite=job.overwrite,
         )
     )
-    return report
+    return DemoReport(converted, job.out / f"{job.world}.mcap")
+
+
+@dataclass(frozen=True)
+class DemoReport:
+    """How the conversion went, and how to look at what it left.
+
+    Args:
+        converted: what it reports.
+        recording: everything in one file.
+    """
+
+    converted: ConvertReport | Rehearsal
+    recording: Path
+
+    @property
+    def exit_code(self) -> int:
+        """That of the conversion."""
+        return self.converted.exit_code
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same as `convert` says."""
+        return self.converted.as_dict()
+
+    def text(self) -> str:
+        """The same, and the command that shows it all in a browser."""
+        look = f"\nlook at it in a browser:\n  pseudolidar view {self.recording}"
+        return self.converted.text() + (look if self.recording.exists() else "")

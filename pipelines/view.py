@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import re
 import sys
 import webbrowser
 from collections.abc import Callable
@@ -14,11 +16,12 @@ from pseudolidar.pipelines.convert import Convert, ConvertFrame  # type: ignore[
 from pseudolidar.pipelines.convert import opened as opened_source
 
 from pseudolidar.clouds.ground_fit import GroundFit
-from pseudolidar.errors import ALL_DONE
+from pseudolidar.errors import ALL_DONE, UsageError
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.sighting import SMALL_THINGS_KEPT, Seen, SightFrame
+from pseudolidar.running.signals import Stopped
 from pseudolidar.sources.recognise import Source
 from pseudolidar.sources.selection import FrameSelection
 from pseudolidar.stereo.balance import BalanceWhen
@@ -36,8 +39,7 @@ from pseudolidar.viewer.exporting import check_export, export
 from pseudolidar.viewer.opening import Opened, Opening
 from pseudolidar.viewer.reel import SourceReel
 
-# How often it is looked whether somebody asked it to end, s.
-WATCH_S = 0.2
+HOST_NAME = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?")
 
 
 @dataclass(frozen=True)
@@ -45,12 +47,14 @@ class View:
     """Serve PATH to a browser: clouds, pictures, obstacles, with a time line.
 
     The printed address holds a token; whoever has it may look. Only this machine can come, unless
-    --host says otherwise. Over SSH forward the port: `ssh -L 8080:localhost:8080 robot`.
+    --host says otherwise. Over SSH forward the port: `ssh -L 8080:localhost:8080 robot`. Ctrl-C
+    ends it.
 
         pseudolidar view synthetic:street
         pseudolidar view KITTI/2011_09_26/2011_09_26_drive_0002_sync
         pseudolidar view out/map.ply out/trajectory.tum
         pseudolidar view out/drive --no-browser --port 9000
+        pseudolidar view out/drive --host 0.0.0.0 --named robot.lan
         pseudolidar view out/map.ply --export map.html
 
     Args:
@@ -67,6 +71,9 @@ class View:
         rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
         port: to listen at, 0 for any that is free.
         host: to listen at; others than 127.0.0.1 let other machines in, which still need the token.
+        named: a name that this machine has in the addresses of browsers, where that is neither
+            localhost nor an IP number: behind a proxy, or in your network. Others are refused.
+        share: refused: a public tunnel shows the token and all pictures to whoever runs it.
         browser: open the page.
         export: serve nothing, and write what there is to see, all frames of it, to one file that
             opens without a server: scene.html, or scene.viser for viser's own player.
@@ -82,8 +89,26 @@ class View:
     rig_unit: RigUnit | None = None
     port: Annotated[int, RUN_ONLY] = 8080
     host: Annotated[str, RUN_ONLY] = LOOPBACK
+    named: Annotated[str | None, RUN_ONLY] = None
+    share: Annotated[bool, RUN_ONLY] = False
     browser: Annotated[bool, RUN_ONLY] = True
     export: Annotated[Path | None, RUN_ONLY] = None
+
+    def __post_init__(self) -> None:
+        if self.share:
+            raise UsageError(
+                "a public tunnel, whose keeper would see the token and every picture",
+                want="a way on which nobody reads along",
+                fix=f"Forward the port: ssh -L {self.port}:localhost:{self.port} THIS-MACHINE.",
+                where="--share",
+            )
+        if self.named is not None and not HOST_NAME.fullmatch(self.named):
+            raise UsageError(self.named, want="a name as robot.lan, without port", where="--named")
+
+    @property
+    def address(self) -> Address:
+        """Where it is served."""
+        return Address(self.host, self.port, () if self.named is None else (self.named.lower(),))
 
     def conversion(self, source: Source) -> Convert:
         """What `convert` would do with a source."""
@@ -119,7 +144,11 @@ def run(job: View) -> ViewReport:
         with App.made(Address(port=0), opened) as app:
             export(app, job.export)
         return ViewReport(job.export)
-    with App.served(Address(job.host, job.port), opened, measuring(job, opened)) as app:
+    # Ctrl-C is the ordinary way out, and no interruption.
+    with (
+        contextlib.suppress(Stopped),
+        App.served(job.address, opened, measuring(job, opened)) as app,
+    ):
         print(app.url, file=sys.stderr, flush=True)  # noqa: T201 - printed at once, not at the end
         if job.browser:
             webbrowser.open(app.url)

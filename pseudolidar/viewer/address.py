@@ -7,6 +7,7 @@ import socket
 from dataclasses import dataclass
 
 from pseudolidar.errors import ServeError
+from pseudolidar.viewer.port_owner import port_owner
 
 LOOPBACK = "127.0.0.1"
 # Connections that may wait to be taken.
@@ -54,8 +55,13 @@ class Address:
             listening.close()
             taken = error.errno == errno.EADDRINUSE
             raise ServeError(
-                "the port is in use" if taken else f"cannot listen there: {error.strerror}",
+                _in_use(self.port) if taken else f"cannot listen there: {error.strerror}",
                 want="a free port" if taken else "an address of this machine",
                 where=where,
             ) from None
         return listening
+
+
+def _in_use(port: int) -> str:
+    owner = port_owner(port)
+    return "the port is in use" if owner is None else f"the port is in use by {owner}"

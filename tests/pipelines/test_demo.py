@@ -9,3 +9,4 @@ def test_the_demo_leaves_everything_and_names_it(tmp_path):
     for name in ("pcd", "ply", "depth", "disparity", "street.mcap"):
         assert (tmp_path / name).exists()
         assert str(tmp_path / name) in report.text()
+    assert f"pseudolidar view {tmp_path / 'street.mcap'}" in report.text()

@@ -19,13 +19,22 @@ Drag to turn, right-drag to move, scroll to come nearer. In the pictures: point 
 depth, drag a box to measure what is in it.
 """
 EMPTY = """
-**Nothing is open.** End this (Ctrl-C in its terminal) and give it something to look at:
-
-    pseudolidar view synthetic:street
-    pseudolidar view KITTI/2011_09_26/2011_09_26_drive_0002_sync
-    pseudolidar view out/map.ply out/trajectory.tum
-    pseudolidar view out
+**Nothing is open.** End this (Ctrl-C in its terminal) and give it something to look at. A click
+copies a line:
 """
+EXAMPLES = {
+    "pseudolidar view synthetic:street": "a rendered drive: no data are needed",
+    "pseudolidar view KITTI/2011_09_26/2011_09_26_drive_0002_sync": "pairs of cameras",
+    "pseudolidar view left.mp4": "a video, with right.mp4 beside it",
+    "pseudolidar view out": "what a command wrote",
+    "pseudolidar view out/map.ply out/trajectory.tum": "a map and the path through it",
+}
+# One click marks the line, and copies it where the browser lets a page do so.
+LINE = """<div style="margin:4px 12px"><code title="click to copy" style="user-select:all;
+cursor:copy;display:block;padding:4px 6px;border-radius:4px;background:#8882;font-size:0.85em;
+overflow-wrap:anywhere" onclick="navigator.clipboard && navigator.clipboard.writeText(
+this.textContent).then(() => this.title = 'copied')">{command}</code>
+<small style="opacity:0.7">{what}</small></div>"""
 
 
 class HelpPanel:
@@ -38,6 +47,13 @@ class HelpPanel:
 
     def __init__(self, view: View, opened: Opened) -> None:
         view.gui.add_markdown(EMPTY if opened.is_empty else f"{listed(opened)}\n{KEYS}")
+        if opened.is_empty:
+            view.gui.add_html(examples())
+
+
+def examples() -> str:
+    """Commands to copy, with what they show."""
+    return "".join(LINE.format(command=command, what=what) for command, what in EXAMPLES.items())
 
 
 def listed(opened: Opened) -> str:
