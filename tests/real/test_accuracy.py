@@ -61,8 +61,10 @@ def test_sigma_holds_on_frames_that_it_was_not_scaled_on(figures, matcher):
     "other",
     [
         "census",
-        "sgbm:3way",
-        *(pytest.param(f"sgbm:{mode}", marks=pytest.mark.slow) for mode in ("sgbm", "hh", "hh4")),
+        *(
+            pytest.param(f"sgbm:{mode}", marks=pytest.mark.slow)
+            for mode in ("3way", "sgbm", "hh", "hh4")
+        ),
     ],
 )
 def test_fine_is_best_at_50_to_80_m(figures, other):

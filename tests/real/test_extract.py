@@ -27,7 +27,7 @@ def test_rows_meet_after_a_small_correction(mended, capsys):
     rows_px = []
     for given in ([], ["--rig", str(rig)]):
         capsys.readouterr()
-        assert main(["check", source, "--frames", "0::1", "--json", *given]) == 0
+        assert main(["check", source, "--frames", "0::3", "--json", *given]) == 0
         findings = json.loads(capsys.readouterr().out)["findings"]
         turn = next(f for f in findings if f["name"] == "rotation")
         rows_px.append(turn["rows_before_px"])
