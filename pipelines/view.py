@@ -23,6 +23,7 @@ from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.sighting import SMALL_THINGS_KEPT, Seen, SightFrame
 from pseudolidar.running.signals import Stopped
 from pseudolidar.sources.recognise import Source
+from pseudolidar.sources.scans_put_right import Scans, with_scans_put_right
 from pseudolidar.sources.selection import FrameSelection
 from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
@@ -126,7 +127,7 @@ class View:
     def reel_of(self, source: Source) -> SourceReel:
         """The frames of a source, made into clouds when they are looked at."""
         job = self.conversion(source)
-        opened = opened_source(job)
+        opened = with_scans_put_right(opened_source(job), Scans())  # as `compare` does
         return SourceReel(opened, ConvertFrame.of(job, opened).converted)
 
 

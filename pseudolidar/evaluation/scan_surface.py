@@ -83,7 +83,7 @@ class ScanSurface:
             (H, W) m, NaN where the pixel has no range; inf where there is no beam nearby.
         """
         height, width = range_m.shape
-        off_m = np.abs(range_m - self._surface_range_m())
+        off_m = np.abs(range_m - self.range_m())
         off_m = np.where(np.isfinite(off_m) | np.isnan(range_m), off_m, np.inf)
         column, row = np.rint(self.uv).astype(np.intp).T
         beam_m = np.linalg.norm(self.points, axis=1)
@@ -98,15 +98,22 @@ class ScanSurface:
                 np.fmin.at(off_m, at, np.abs(range_m[at] - beam_m[mine][inside]))
         return off_m
 
-    def _surface_range_m(self) -> Float64:
+    def depth_m(self) -> Float64:
+        """(H, W) depth Z at which the ray of each pixel meets a surface; inf where it meets none.
+
+        Between beams this is what they say of the surface there, and beside its edges nothing.
+        """
+        longer = np.linalg.norm(pixel_rays(self.camera), axis=1)  # by as much as a ray is longer
+        return np.asarray(self.range_m() / longer.reshape(self.seen.shape))
+
+    def range_m(self) -> Float64:
         """(H, W) range at which the ray of each pixel meets a surface; inf where it meets none."""
         width, height = self.camera.size_px
         if not len(self.triangles):
             return np.full((height, width), np.inf)
         scene, tensor = _scene(self.points, self.triangles)
-        v, u = np.indices((height, width)).reshape(2, -1)
-        rays = np.zeros((len(u), 6), np.float32)
-        directions = np.stack([u, v, np.ones_like(u)], axis=1) @ np.linalg.inv(self.camera.K).T
+        directions = pixel_rays(self.camera)
+        rays = np.zeros((len(directions), 6), np.float32)
         rays[:, 3:] = directions / np.linalg.norm(directions, axis=1, keepdims=True)
         hit = scene.cast_rays(tensor(rays), nthreads=1)["t_hit"].numpy()
         return np.asarray(hit, np.float64).reshape(height, width)
@@ -123,6 +130,13 @@ class ScanSurface:
             to_surface = scene.compute_distance(tensor(xyz.astype(np.float32)), nthreads=1)
             distance = np.minimum(distance, to_surface.numpy())
         return distance
+
+
+def pixel_rays(camera: Camera) -> Float64:
+    """(H * W, 3) direction that each pixel looks in, with z 1, row by row."""
+    width, height = camera.size_px
+    v, u = np.indices((height, width)).reshape(2, -1)
+    return np.asarray(np.stack([u, v, np.ones_like(u)], axis=1) @ np.linalg.inv(camera.K).T)
 
 
 def _scene(points: Float64, triangles: Int64) -> tuple[Any, Any]:

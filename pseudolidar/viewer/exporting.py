@@ -40,7 +40,7 @@ def export(app: App, path: Path) -> None:
     times_s = view.reel.times_s
     with FrameProgress(len(times_s)) as progress:
         for index, time_s in enumerate(times_s):
-            view.stage.show(view.reel.load(index))
+            view.stage.show(view.made(index))
             following_s = times_s[min(index + 1, len(times_s) - 1)]
             serializer.insert_sleep(max(float(following_s - time_s), 0.0))
             progress.advance()

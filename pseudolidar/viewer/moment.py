@@ -8,11 +8,12 @@ from typing import Self
 
 import numpy as np
 
+from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.cloud_frames import forward_frame, left_in
 from pseudolidar.geometry.frame_chain import chain
 from pseudolidar.geometry.frames import MAP
 from pseudolidar.running.products.converted import Converted
-from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.arrays import AnyArray, Float64
 from pseudolidar.structures.camera import Camera
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.frame import LidarScan, StereoFrame
@@ -21,6 +22,8 @@ from pseudolidar.structures.recorded import DepthFrame
 
 # Names of the clouds of a frame: as cameras see it, as its LiDAR does, as it was recorded.
 STEREO, VELODYNE, POINTS = "stereo", "velodyne", "points"
+# Column of points that know when they were taken, s since the time of their cloud.
+TIME = "time_s"
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +52,7 @@ class Moment:
         T_map_forward: (4, 4) where that frame is in the map; None where nobody knows.
         converted: pictures, disparities and depth that the clouds were made of.
         fault: why it cannot be shown; then there is nothing else.
+        makings: what clouds were made of whose depths can be judged, by their names.
     """
 
     id: str
@@ -59,6 +63,7 @@ class Moment:
     T_map_forward: Float64 | None = None
     converted: Converted | None = None
     fault: str = ""
+    makings: Mapping[str, Converted] = field(default_factory=dict)
 
     @classmethod
     def of(cls, converted: Converted) -> Self:
@@ -72,6 +77,7 @@ class Moment:
             _sight(converted, cloud.frame),
             _in_map(converted, cloud.frame),
             converted,
+            makings={STEREO: converted} if converted.disparity is not None else {},
         )
 
     @property
@@ -83,13 +89,18 @@ class Moment:
             for column in (cloud.xyz, cloud.rgb, cloud.sigma_m, cloud.uv, *cloud.extra.values())
             if column is not None
         ]
-        made = self.converted
-        if made is not None:
-            maps = (made.disparity, made.depth)
-            columns += [array for each in maps if each is not None for array in (each.values,)]
-            if isinstance(made.frame, StereoFrame):
-                columns += [made.frame.left, made.frame.right]
+        every = (*self.makings.values(), *([self.converted] if self.converted else ()))
+        for made in {id(each): each for each in every}.values():
+            columns += _arrays(made)
         return sum(column.nbytes for column in columns)
+
+
+def _arrays(made: Converted) -> list[AnyArray]:
+    """Maps and pictures that a conversion holds."""
+    columns: list[AnyArray] = [m.values for m in (made.disparity, made.depth) if m is not None]
+    if isinstance(made.frame, StereoFrame):
+        columns += [made.frame.left, made.frame.right]
+    return columns
 
 
 def _clouds(converted: Converted, cloud: PointCloud) -> dict[str, PointCloud]:
@@ -106,8 +117,13 @@ def _clouds(converted: Converted, cloud: PointCloud) -> dict[str, PointCloud]:
 
 
 def cloud_of_scan(scan: LidarScan) -> PointCloud:
-    """A LiDAR's scan as a cloud, in its own frame."""
-    return PointCloud(scan.xyz, scan.frame, scan.timestamp_ns, intensity=scan.reflectance)
+    """A LiDAR's scan as a cloud, in its own frame, with the times of its points where known."""
+    extra = {}
+    if scan.point_times_ns is not None:
+        extra = {TIME: ((scan.point_times_ns - scan.timestamp_ns) / NS_PER_S).astype(np.float32)}
+    return PointCloud(
+        scan.xyz, scan.frame, scan.timestamp_ns, intensity=scan.reflectance, extra=extra
+    )
 
 
 def _finite(cloud: PointCloud) -> PointCloud:

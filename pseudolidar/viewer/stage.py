@@ -225,7 +225,7 @@ class Stage:
         look = self.look(name)
         settled = replace(look, colouring=look.colouring.settled(cloud))
         self.looks[name] = settled
-        drawn = thinned(cloud, look.most_points)
+        drawn = thinned(cloud, look.most_points, settled.colouring.telling(cloud))
         self.shown[name] = drawn
         points, colours = drawn.xyz.astype(np.float32), settled.colouring.colours(drawn)
         self._update(name, f"{RIG}/{name}", points, colours, settled)

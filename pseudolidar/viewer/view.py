@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from pseudolidar.viewer.judged import judged
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.ready import AHEAD, Ready
 from pseudolidar.viewer.reel import Reel
@@ -22,6 +23,8 @@ _log = logging.getLogger(__name__)
 
 # How often it is looked whether something is to be drawn, s.
 TICK_S = 1 / 60
+# What errors are added to frames for.
+JUDGING = "errors"
 
 
 class View:
@@ -40,7 +43,9 @@ class View:
         self.server, self.reel = server, reel
         self.stage = Stage(server.viser)
         self.timeline = Timeline(reel.times_s)
-        self.ready = Ready(lambda index: self.reel.load(index), workers=workers)
+        self.ready = Ready(self.made, workers=workers)
+        # What is added to every frame as it is made, by what it is for.
+        self.finishing: dict[str, Callable[[Moment], Moment]] = {}
         self.moment: Moment | None = None
         self.version = 0
         self.dark = True
@@ -76,6 +81,23 @@ class View:
         """Make all frames again: how they are made has changed."""
         self.ready.forget()
         self.redraw()
+
+    def made(self, index: int) -> Moment:
+        """A frame with all that is added to it; callable from any thread."""
+        moment = self.reel.load(index)
+        for finish in tuple(self.finishing.values()):
+            moment = finish(moment)
+        return moment
+
+    def judge(self, *, wanted: bool) -> None:
+        """Tell the errors of clouds that have a reference, in frames from now on; or not."""
+        if wanted == (JUDGING in self.finishing):
+            return
+        if wanted:
+            self.finishing[JUDGING] = judged
+            self.remake()
+        else:  # frames that know more than is asked for do no harm
+            del self.finishing[JUDGING]
 
     def play(self, *, playing: bool) -> None:
         """Play or pause."""

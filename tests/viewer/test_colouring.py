@@ -5,6 +5,7 @@ import pytest
 
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import PLAIN, Colouring, ways
+from pseudolidar.viewer.thinned import thinned
 
 XYZ = np.array([[3, 4, 0], [0, 0, 1], [6, 8, 2]], np.float32)
 
@@ -78,3 +79,45 @@ def test_objects_have_colours_of_their_own_and_the_rest_has_none():
 def test_what_a_cloud_does_not_know_is_plain():
     assert (Colouring("sigma").colours(cloud()) == PLAIN).all()
     assert (Colouring("object").colours(cloud()) == PLAIN).all()
+
+
+def test_errors_are_white_in_the_middle_and_both_ends_are_as_far():
+    error_m = np.array([-2.0, 0.0, 2.0, np.nan], np.float32)
+    points = PointCloud(np.ones((4, 3), np.float32), "map", extra={"error_m": error_m})
+    settled = Colouring("error").settled(points)
+    assert settled.low == -settled.high
+    near, right, far, unknown = settled.colours(points).astype(int)
+    assert near[2] > near[0] + 100  # blue
+    assert far[0] > far[2] + 100  # red
+    assert right.min() > 200
+    assert unknown.max() < 100
+    scale = settled.scale()
+    assert scale is not None
+    assert scale.signed
+    bar = scale.picture().astype(int)
+    assert bar[0, 128].min() > 200
+    assert bar[0, 0, 2] > bar[0, 0, 0]
+
+
+def test_errors_of_clouds_that_are_not_judged_yet_are_dimmed():
+    white = np.full((3, 3), 255, np.uint8)
+    colours = Colouring("error").colours(cloud(rgb=white))
+    assert 0 < colours.max() < 128
+    assert "error" in ways(cloud(), judged=True)
+    assert "error" not in ways(cloud())
+
+
+def test_points_that_tell_are_drawn_first():
+    error_m = np.full(10_000, np.nan, np.float32)
+    error_m[::20] = 0.5
+    many = PointCloud(np.ones((10_000, 3), np.float32), "map", extra={"error_m": error_m})
+    drawn = thinned(many, 1000, Colouring("error").telling(many))
+    assert len(drawn) == 1000
+    assert np.isfinite(drawn.extra["error_m"]).sum() == 500
+    few = thinned(many, 100, Colouring("error").telling(many))
+    assert np.isfinite(few.extra["error_m"]).sum() == 75
+    assert Colouring("range").telling(many) is None
+
+
+def test_a_plain_cloud_has_a_colour_of_its_own():
+    assert Colouring("plain", colour=(1, 2, 3)).colours(cloud()).tolist() == [[1, 2, 3]] * 3

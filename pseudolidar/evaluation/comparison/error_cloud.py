@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from pseudolidar.evaluation.compared import ComparedFrame
-from pseudolidar.structures.arrays import Float64, UInt8
+from pseudolidar.structures.arrays import AnyArray, Float64, UInt8
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.frame import StereoFrame
 
@@ -16,6 +16,8 @@ FULL_COLOUR_REL = 0.10
 TOO_NEAR, RIGHT, TOO_FAR = (33, 102, 220), (235, 235, 235), (214, 47, 39)
 # Points without a reference keep this share of their brightness.
 DIMMED = 0.35
+# Column of the errors.
+ERROR = "error_m"
 # Values of the column `source`, and the colour of the reference's points.
 STEREO, REFERENCE = 0, 1
 REFERENCE_COLOUR = (0, 200, 255)
@@ -32,28 +34,61 @@ def error_cloud(cloud: PointCloud, compared: ComparedFrame) -> PointCloud:
         cloud: of the frame, with `uv`, in any coordinate frame.
         compared: the frame with all its reference points.
     """
-    assert cloud.uv is not None  # every reprojected cloud has them
+    relative = _at_points(cloud, at_pixels(compared, errors_m(compared) / compared.reference_m))
+    known = np.isfinite(relative)[:, None]
+    rgb = np.where(known, error_colours(relative), dimmed(cloud))
+    judged = with_errors(cloud, at_pixels(compared, errors_m(compared)))
+    return replace(judged, rgb=rgb.astype(np.uint8))
+
+
+def errors_m(compared: ComparedFrame) -> Float64:
+    """(N,) depth Z of stereo minus that of the reference, at each reference point."""
+    return compared.depth_m - compared.reference_m
+
+
+def at_pixels(compared: ComparedFrame, values: Float64) -> Float64:
+    """(H, W) values (N,) of the reference points at their pixels of the left image, else NaN."""
     width, height = compared.rig.left.size_px
     column, row = np.rint(compared.u).astype(np.intp), np.rint(compared.v).astype(np.intp)
-    error_at, relative_at = np.full((2, height, width), np.nan)
-    error_m = compared.depth_m - compared.reference_m
-    error_at[row, column], relative_at[row, column] = error_m, error_m / compared.reference_m
-    at = tuple(np.rint(cloud.uv).astype(np.intp).T[::-1])
-    relative = relative_at[at]
-    rgb = np.where(np.isfinite(relative)[:, None], error_colours(relative), _dimmed(cloud))
-    extra = {**cloud.extra, "error_m": error_at[at].astype(np.float32)}
-    return replace(cloud, rgb=rgb.astype(np.uint8), extra=extra)
+    placed: Float64 = np.full((height, width), np.nan)
+    placed[row, column] = values
+    return placed
+
+
+def with_errors(cloud: PointCloud, error_m: Float64) -> PointCloud:
+    """The stereo cloud with a column `error_m`, in its own colours.
+
+    Args:
+        cloud: of the frame, with `uv`, in any coordinate frame.
+        error_m: (H, W) of the pixels of its left image.
+    """
+    column = _at_points(cloud, error_m).astype(np.float32)
+    return replace(cloud, extra={**cloud.extra, ERROR: column})
+
+
+def _at_points(cloud: PointCloud, values: Float64) -> Float64:
+    assert cloud.uv is not None  # every reprojected cloud has them
+    return np.asarray(values[tuple(np.rint(cloud.uv).astype(np.intp).T[::-1])])
 
 
 def error_colours(relative: Float64) -> UInt8:
     """(N, 3) colours of relative errors (N,): blue too near, white right, red too far."""
-    size = np.clip(np.nan_to_num(relative) / FULL_COLOUR_REL, -1.0, 1.0)[:, None]
+    return signed_colours(relative / FULL_COLOUR_REL)
+
+
+def signed_colours(shares: AnyArray) -> UInt8:
+    """(..., 3) colours of errors as shares of the scale: blue -1 too near, white 0, red 1 too far.
+
+    Shares beyond have the colours of its ends; NaN is white.
+    """
+    size = np.clip(np.nan_to_num(np.asarray(shares, np.float64)), -1.0, 1.0)[..., None]
     end = np.where(size > 0, TOO_FAR, TOO_NEAR)
     colours: Float64 = np.array(RIGHT, np.float64) + np.abs(size) * (end - np.array(RIGHT))
-    return np.rint(colours).astype(np.uint8)
+    return np.asarray(np.rint(colours), np.uint8)
 
 
-def _dimmed(cloud: PointCloud) -> UInt8:
+def dimmed(cloud: PointCloud) -> UInt8:
+    """(N, 3) colours of points without a reference: those that they have, darker."""
     colours: Float64 = np.full((len(cloud), 3), 255.0)
     if cloud.rgb is not None:
         colours = cloud.rgb.astype(np.float64)

@@ -17,6 +17,8 @@ from pseudolidar.viewer.view import View
 # Of a scan the points are few: they are drawn larger, in a colour of their own.
 SCAN_LOOK = Look(Colouring("range"), point_m=0.06)
 GROUND_FADES_M = 80.0
+# What the ends of a bar are called, and those of errors, which are white in the middle.
+ENDS, SIGNED_ENDS = "Blue, red", "Too near, too far"
 
 
 class ScenePanel:
@@ -57,12 +59,12 @@ class ScenePanel:
     def _show(self, moment: Moment) -> None:
         for name in moment.clouds:
             if name not in self._folders:
-                self._add(name, moment.clouds[name])
+                self._add(name, moment.clouds[name], judged=name in moment.makings)
             self._folders[name].show()
 
-    def _add(self, name: str, cloud: PointCloud) -> None:
+    def _add(self, name: str, cloud: PointCloud, *, judged: bool = False) -> None:
         with self._clouds:
-            self._folders[name] = CloudControls(self._view, name, cloud)
+            self._folders[name] = CloudControls(self._view, name, cloud, judged=judged)
 
 
 class CloudControls:
@@ -72,12 +74,13 @@ class CloudControls:
         view: what is looked at.
         name: of the cloud.
         cloud: says what its colours can mean.
+        judged: whether its errors can be told, when they are asked for.
     """
 
-    def __init__(self, view: View, name: str, cloud: PointCloud) -> None:
+    def __init__(self, view: View, name: str, cloud: PointCloud, *, judged: bool = False) -> None:
         self._view, self._name = view, name
         gui, look = view.gui, view.stage.look(name)
-        possible = ways(cloud)
+        possible = ways(cloud, judged=judged)
         chosen = look.colouring.by if look.colouring.by in possible else possible[-1]
         with gui.add_folder(name):
             self._visible = gui.add_checkbox("Shown", initial_value=look.visible)
@@ -89,8 +92,14 @@ class CloudControls:
             )
         self._visible.on_update(lambda _: self._set(visible=self._visible.value))
         self._size.on_update(lambda _: self._set(point_m=self._size.value))
-        self._by.on_update(lambda _: self._set(colouring=Colouring(self._by.value)))
+        self._by.on_update(lambda _: self._set_colouring())
         self._ends.on_update(lambda _: self._set_ends())
+
+    def _set_colouring(self) -> None:
+        colouring = self._view.stage.look(self._name).colouring
+        self._set(colouring=replace(colouring, by=self._by.value, low=None, high=None))
+        looks = self._view.stage.looks.values()
+        self._view.judge(wanted=any(look.colouring.by == "error" for look in looks))
 
     def _set(self, **changes: Any) -> None:
         stage = self._view.stage
@@ -114,4 +123,4 @@ class CloudControls:
             set_value(self._ends, ends)
             self._bar.image = scale.picture()
             unit = f", {scale.unit}" if scale.unit else ""
-            self._ends.label = f"Blue, red{unit}"
+            self._ends.label = f"{SIGNED_ENDS if scale.signed else ENDS}{unit}"
