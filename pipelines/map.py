@@ -16,6 +16,7 @@ from pseudolidar.formats.rigs.rig_json import write_rig
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.mapping.loops import LoopFinder
 from pseudolidar.mapping.odometry import Fused, Kiss, Vision
+from pseudolidar.mapping.place_store import PlaceFile
 from pseudolidar.obstacles.detectors import AnyDetector
 from pseudolidar.running.apart import check_apart, paths_read
 from pseudolidar.running.bad_frames import OnError
@@ -23,6 +24,7 @@ from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
+from pseudolidar.running.journal.identity import identity
 from pseudolidar.running.mapped.build import (
     FRAME_FOLDER,
     TILE_FOLDER,
@@ -31,6 +33,7 @@ from pseudolidar.running.mapped.build import (
     built,
     written,
 )
+from pseudolidar.running.mapped.checkpoints import Checkpoints
 from pseudolidar.running.mapped.map_outputs import MapOutputs
 from pseudolidar.running.mapped.map_recording import plan_recording, write_recording
 from pseudolidar.running.mapped.mesh_outputs import MeshOutputs, mesh_figures
@@ -78,7 +81,8 @@ class Map:
     Stereo visual odometry finds how the cameras moved; KISS-ICP's map and the pictures check every
     step. Frames in which too little is seen are lost, and said to be: nothing is made up. Where the
     source knows its poses (KITTI, synthetic:street), the path is compared with them. Killed and
-    started again, a run does not match again what it has matched.
+    started again, a run does not match again what it has matched, and goes on from the last 50th
+    frame.
 
         pseudolidar map synthetic:street:40 out/street
         pseudolidar map KITTI/2011_09_26/2011_09_26_drive_0002_sync out/drive
@@ -224,20 +228,25 @@ def run(job: Map) -> MapReport | Rehearsal:
             crew=job.crew,
             searching=job.searching,
         )
-        places = job.out / PLACES_FILE
+        places = PlaceFile(job.out / PLACES_FILE)
         loops = None if job.loops is None else job.loops.start(source.rig, places)
-        walk = Walk(job.odometry.start(source.rig), source.rig, loops)
+        decided_by = identity(job, source, networks_of(match_once))
+        checkpoints = Checkpoints(job.out, decided_by, places, drawn=job.debug_video)
+        match_once = replace(match_once, known=known)
+        walk = checkpoints.last(run, match_once)
+        walk = walk or Walk(job.odometry.start(source.rig), source.rig, loops)
+        passed = frozenset(one.id for one in walk.placed)
         begun_s = time.monotonic()
         film = OdometryFilm(job.out) if job.debug_video else None
-        match_once = replace(match_once, known=known)
-        outcomes = stream(source, match_once, crew=job.crew, in_flight=run.in_flight)
-        for frame in run.good(outcomes, again=len(known)):
+        outcomes = stream(source, match_once, crew=job.crew, skip=passed, in_flight=run.in_flight)
+        for frame in run.good(outcomes, again=len(known - passed)):
             matched = frame.value
             registered = walk.step(matched.frame, matched.disparity, matched.movable)
             if frame.id not in known:
                 run.commit(Done(frame.id, frame.index, matched.product, frame.cpu_s))
             if film is not None:
-                film.add(matched, registered)
+                film.add(matched, registered, walk.placed[0].id)
+            walk = checkpoints.after(walk)
         seconds = time.monotonic() - begun_s
         walked = walk.walked()
         pieces = walked.pieces
@@ -248,7 +257,7 @@ def run(job: Map) -> MapReport | Rehearsal:
         made = mapped(job, source, pieces, rig, recording)
     if not job.keep_work and run.result().exit_code in (ALL_DONE, SOME_SKIPPED):
         shutil.rmtree(job.out / WORK_FOLDER, ignore_errors=True)
-    frames = len(walk.placed)
+    frames = len(walk.placed) - len(passed)
     files = (*files, *made.files)
     report = MapReport(
         run.result(),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -37,19 +37,17 @@ class Kiss:
         """An empty map."""
         from kiss_icp.mapping import VoxelHashMap
 
-        return VoxelMap(VoxelHashMap(self.voxel_m, self.farthest_m, POINTS_PER_VOXEL))
+        return VoxelMap(self, VoxelHashMap(self.voxel_m, self.farthest_m, POINTS_PER_VOXEL))
 
     def threshold(self) -> Threshold:
         """The adaptive threshold."""
         from kiss_icp.threshold import get_threshold_estimator
 
-        return Threshold(get_threshold_estimator(self._config()))
+        return Threshold(self, get_threshold_estimator(self._config()), [])
 
     def registration(self) -> PointToPoint:
         """Point to point ICP, on one thread: the same result every time."""
-        from kiss_icp.registration import Registration
-
-        return PointToPoint(Registration(MOST_ITERATIONS, CONVERGED, max_num_threads=1))
+        return point_to_point()
 
     def _config(self) -> Any:
         from kiss_icp.config import KISSConfig
@@ -72,10 +70,16 @@ class VoxelMap:
     """A map of points, forgotten where they are far from the sensor.
 
     Args:
+        kiss: its settings.
         library: KISS-ICP's.
     """
 
+    kiss: Kiss
     library: Any
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled as its points."""
+        return map_with, (self.kiss, self.point_cloud())
 
     def empty(self) -> bool:
         """Whether nothing was added, or all of it is far away."""
@@ -95,10 +99,18 @@ class Threshold:
     """How far predictions are off, learnt from those that were made.
 
     Args:
+        kiss: its settings.
         library: KISS-ICP's.
+        deviations: (4, 4) each, of all predictions: the library does not tell what it learnt.
     """
 
+    kiss: Kiss
     library: Any
+    deviations: list[Float64]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled as what it learnt from."""
+        return threshold_after, (self.kiss, self.deviations)
 
     def get_threshold(self) -> float:
         """One standard deviation, m."""
@@ -106,7 +118,8 @@ class Threshold:
 
     def update_model_deviation(self, T_predicted_found: Float64) -> None:
         """A prediction was off by this."""
-        self.library.update_model_deviation(rigid(T_predicted_found))
+        self.deviations.append(rigid(T_predicted_found))
+        self.library.update_model_deviation(self.deviations[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,12 +132,38 @@ class PointToPoint:
 
     library: Any
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled as what it is: it keeps nothing."""
+        return point_to_point, ()
+
     def align(self, xyz: Float64, voxels: VoxelMap, T_guess: Float64, sigma_m: float) -> Float64:
         """(4, 4) pose of points (N, 3) in the map, near a guess that is off by `sigma_m`."""
         T = self.library.align_points_to_map(
             xyz, voxels.library, rigid(T_guess), REACH * sigma_m, sigma_m
         )
         return rigid(np.asarray(T, np.float64))
+
+
+def map_with(kiss: Kiss, xyz: Float64) -> VoxelMap:
+    """A map that has these points (M, 3) of another one with the same settings."""
+    voxels = kiss.voxel_map()
+    voxels.library.add_points(np.ascontiguousarray(xyz))
+    return voxels
+
+
+def threshold_after(kiss: Kiss, deviations: list[Float64]) -> Threshold:
+    """A threshold that has learnt from predictions that were off by so much."""
+    threshold = kiss.threshold()
+    for deviation in deviations:
+        threshold.library.update_model_deviation(deviation)
+    return replace(threshold, deviations=deviations)
+
+
+def point_to_point() -> PointToPoint:
+    """Point to point ICP, on one thread: the same result every time."""
+    from kiss_icp.registration import Registration
+
+    return PointToPoint(Registration(MOST_ITERATIONS, CONVERGED, max_num_threads=1))
 
 
 def thinned(xyz: Float64, voxel_m: float) -> Float64:

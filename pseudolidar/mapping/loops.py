@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -54,16 +53,16 @@ class LoopFinder:
     apart_m: float = 40.0
     similarity: float = 0.08
 
-    def start(self, rig: StereoRig, path: Path | None = None) -> LoopSearch:
+    def start(self, rig: StereoRig, file: PlaceFile | None = None) -> LoopSearch:
         """Begin with the cameras of all frames to come.
 
         Args:
             rig: rectified.
-            path: of the file that places are kept in; None for a temporary one without a name.
+            file: that places are kept in; None for a temporary one without a name.
 
         Raises:
             UsageError: numbers that mean nothing.
-            OutputError: the file cannot be made.
+            OutputError: a temporary file cannot be made.
         """
         if self.candidates < 1 or not self.apart_m > 0 or not 0 <= self.similarity < 1:
             raise UsageError(
@@ -71,7 +70,7 @@ class LoopFinder:
                 f"{self.similarity:g}",
                 want="1 or more, above 0 m, 0 to 1",
             )
-        return LoopSearch(self, rig, PlaceFile(path))
+        return LoopSearch(self, rig, file or PlaceFile())
 
 
 class LoopSearch:
@@ -100,6 +99,11 @@ class LoopSearch:
     def bytes(self) -> int:
         """What they take on disk."""
         return self._places.bytes
+
+    @property
+    def whole(self) -> bool:
+        """Whether all that is remembered can be read."""
+        return self._places.whole
 
     @property
     def refused(self) -> dict[Refusal, int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
+import zlib
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -97,6 +98,7 @@ class PlaceNote:
         points: how many.
         cells: rows and columns.
         offset: of its bytes in the file.
+        crc32: of them.
     """
 
     number: int
@@ -106,6 +108,7 @@ class PlaceNote:
     points: int
     cells: tuple[int, int]
     offset: int
+    crc32: int
 
     @property
     def bytes(self) -> int:
@@ -152,6 +155,7 @@ class PlaceStore(Sequence[PlaceNote]):
         height, width = place.grey_cells.shape
         cells = np.empty((height, width), CELL)
         cells["depth_m"], cells["grey"] = place.depth_cells_m, place.grey_cells
+        data = points.tobytes() + cells.tobytes()
         note = PlaceNote(
             place.number,
             place.end,
@@ -160,9 +164,18 @@ class PlaceStore(Sequence[PlaceNote]):
             len(place),
             (height, width),
             self.bytes,
+            zlib.crc32(data),
         )
-        self._file.write(points.tobytes() + cells.tobytes(), note.offset)
+        self._file.write(data, note.offset)
         self._notes.append(note)
+
+    @property
+    def whole(self) -> bool:
+        """Whether the file has all of them as they were added."""
+        read = (self._file.read(note.bytes, note.offset) for note in self._notes)
+        return all(
+            zlib.crc32(data) == note.crc32 for data, note in zip(read, self._notes, strict=True)
+        )
 
     def load(self, number: int) -> Place:
         """A place with all that is kept of it.

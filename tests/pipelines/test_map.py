@@ -23,6 +23,7 @@ from pseudolidar.formats.points.npz import read_npz
 from pseudolidar.formats.points.ply import read_ply
 from pseudolidar.formats.trajectory import read_kitti_poses
 from pseudolidar.formats.tum import read_tum_trajectory
+from pseudolidar.running.mapped import checkpoints
 
 # Small pictures that still hold some hundred tracks.
 WORLD = ["synthetic:street", "--source.frames", "5", "--source.width-px", "480"]
@@ -139,22 +140,30 @@ def test_a_dry_run_tells_and_writes_nothing(tmp_path: Path, capsys: pytest.Captu
     assert not (tmp_path / "out").exists()
 
 
-def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(mapped: Path, tmp_path: Path):
-    command = [sys.executable, "-m", "pseudolidar.cli", "map", *WORLD, str(tmp_path)]
-    command += MADE
+def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(
+    mapped: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """From the last checkpoint on; the other run has made none."""
+    program = f"import sys, {checkpoints.__name__} as own; own.EVERY = 2; "
+    program += "from pseudolidar.cli import main; main(sys.argv[1:])"
+    command = [sys.executable, "-c", program, "map", *WORLD, str(tmp_path), *MADE]
     child = subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
     end = time.monotonic() + 60
-    while len(list((tmp_path / ".work").glob("*.disparity"))) < 2:
+    while not (tmp_path / checkpoints.CHECKPOINT_FILE).exists():
         assert time.monotonic() < end
         assert child.poll() is None
-        time.sleep(0.05)
+        time.sleep(0.01)
     os.kill(child.pid, signal.SIGKILL)
     child.wait()
-    done = {file: file.stat().st_mtime_ns for file in (tmp_path / ".work").glob("*.disparity")}
+    work = tmp_path / ".work"
+    done = {file: file.stat().st_mtime_ns for file in work.glob("*.disparity")}
+    drawn = {file: file.stat().st_mtime_ns for file in sorted(work.glob("*.tracks.jpg"))[:2]}
+    monkeypatch.setattr(checkpoints, "EVERY", 2)
     assert main(["map", *WORLD, str(tmp_path), *MADE, "--keep-work"]) == 0
     # The last may have been written and not yet noted: then it is matched again.
     again = [file for file, before in done.items() if file.stat().st_mtime_ns != before]
     assert len(again) <= 1 < len(done)
+    assert {file: file.stat().st_mtime_ns for file in drawn} == drawn
     names = ["trajectory.tum", "trajectory_kitti.txt", "map.ply", "street.mcap", "odometry.mp4"]
     names += ["mesh.ply", "mesh.glb", "occupancy.ply", "grid.yaml", "grid.pgm", "distances.npz"]
     names += [str(cloud.relative_to(mapped)) for cloud in (mapped / "frames").iterdir()]

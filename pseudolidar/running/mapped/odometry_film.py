@@ -14,7 +14,7 @@ from pseudolidar.formats.pictures.image import encode_jpeg, read_image
 from pseudolidar.mapping.registered import Registered
 from pseudolidar.mapping.tracks_drawn import tracks_drawn
 from pseudolidar.running.folder import inside
-from pseudolidar.running.mapped.stored import WORK_FOLDER, MatchedFrame
+from pseudolidar.running.mapped.stored import WORK_FOLDER, MatchedFrame, read_stored
 from pseudolidar.running.products.preview import JPEG_QUALITY, write_film
 from pseudolidar.running.run import Run
 from pseudolidar.sources.source import FrameSource
@@ -36,18 +36,29 @@ class OdometryFilm:
         self._folder = folder
         self._near_px: float | None = None
 
-    def add(self, matched: MatchedFrame, registered: Registered) -> None:
+    def add(self, matched: MatchedFrame, registered: Registered, first: str) -> None:
         """Draw the next frame.
+
+        Args:
+            matched: the frame.
+            registered: what odometry told of it.
+            first: id of the first frame of all, whose disparities are stored.
 
         Raises:
             OutputError: the disk is full or gone.
+            ImageUnreadable: somebody changed the file of disparities.
         """
-        if self._near_px is None:  # one scale for all
-            known = matched.disparity.values[matched.disparity.valid]
-            self._near_px = float(np.quantile(known, 0.99)) if len(known) else 1.0
+        if self._near_px is None:
+            self._near_px = self._scale(first)
         picture = odometry_picture(matched, registered, near_px=self._near_px)
         path = inside(self._folder, drawing_name(matched.frame.id))
         write_atomic(path, encode_jpeg(picture, JPEG_QUALITY))
+
+    def _scale(self, first: str) -> float:
+        """One for all, in a run that goes on too: of the first frame."""
+        disparity = read_stored(self._folder, first)
+        known = disparity.values[disparity.valid]
+        return float(np.quantile(known, 0.99)) if len(known) else 1.0
 
     def finish(self, run: Run, source: FrameSource) -> Path:
         """Put the drawings together, at the pace of the frames.

@@ -114,6 +114,11 @@ class Walk:
         return registered
 
     @property
+    def whole(self) -> bool:
+        """Whether all that is remembered of places can be read."""
+        return self._loops is None or self._loops.whole
+
+    @property
     def correction(self) -> DisparityCorrection | None:
         """What the motion told of the rig."""
         return self._chain.correction

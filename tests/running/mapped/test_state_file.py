@@ -1,0 +1,95 @@
+"""States of odometry as bytes, and bytes that are none."""
+
+import pickle
+from array import array
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pseudolidar.mapping.kiss_library import load_kiss
+from pseudolidar.mapping.loops import LoopFinder
+from pseudolidar.mapping.odometry import Fused, Kiss, Vision
+from pseudolidar.mapping.place_store import PlaceFile
+from pseudolidar.running.mapped.state_file import decode_state, encode_state
+from pseudolidar.running.mapped.walk import Walk
+from pseudolidar.sources.synthetic import Synthetic
+from pseudolidar.structures.box import Detection
+
+
+@dataclass
+class Harmful:
+    """Runs something when it is read."""
+
+    file: Path
+
+    def __reduce__(self):
+        return Path.touch, (self.file,)
+
+
+def test_what_is_no_data_is_not_read(tmp_path: Path):
+    data = pickle.dumps(Harmful(tmp_path / "harmed"))
+    with pytest.raises(ValueError, match="no data"):
+        decode_state(data, {})
+    assert not (tmp_path / "harmed").exists()
+    # A class that opens files is none, though its package holds data.
+    with pytest.raises(ValueError, match="no data"):
+        decode_state(pickle.dumps(PlaceFile), {})
+    with pytest.raises(ValueError, match=r"truncated|ran out"):
+        decode_state(encode_state([1, 2, 3], {})[:-2], {})
+
+
+def test_what_was_one_stays_one_and_what_is_outside_is_put_in():
+    picture, outside = np.arange(6.0), {"file": object()}
+    state = {"keyframe": picture, "last": picture, "file": outside["file"]}
+    state |= {"recent": deque([1]), "words": {3: array("i", [7])}}
+    again = decode_state(encode_state(state, outside), outside)
+    assert again["keyframe"] is again["last"]
+    assert again["file"] is outside["file"]
+    assert np.array_equal(again["last"], picture)
+    assert (again["recent"], again["words"]) == (state["recent"], state["words"])
+
+
+def test_the_map_and_the_threshold_come_back():
+    kiss = load_kiss(voxel_m=0.5, farthest_m=40.0, threshold_m=0.15)
+    voxels, threshold = kiss.voxel_map(), kiss.threshold()
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        T = np.eye(4)
+        T[:3, 3] = rng.normal(0, 5, 3)
+        voxels.update(rng.uniform(-20, 20, (4000, 3)), T)
+        threshold.update_model_deviation(T)
+    again, learnt = decode_state(encode_state((voxels, threshold), {}), {})
+    assert learnt.get_threshold() == threshold.get_threshold() > 0.15
+    points = [one.point_cloud() for one in (voxels, again)]
+    assert len(points[0]) > 5000
+    assert np.array_equal(*(one[np.lexsort(one.T)] for one in points))
+
+
+@pytest.fixture(scope="module")
+def street():
+    source = Synthetic("street", frames=6, width_px=320, height_px=128).open()
+    return source.rig, [source.load(index) for index in range(6)]
+
+
+@pytest.mark.parametrize("odometry", [Vision(), Kiss(), Fused()], ids=["vision", "kiss", "fused"])
+def test_a_walk_goes_on_as_if_it_had_never_stopped(odometry, street):
+    rig, frames = street
+    file = PlaceFile()
+    loops = LoopFinder(apart_m=1.0, similarity=0.0).start(rig, file)
+    walk = Walk(odometry.start(rig), rig, loops)
+    car = Detection("car", (0.0, 0.0, 20.0, 20.0), mask=np.zeros((128, 320), np.bool_))
+    for index, frame in enumerate(frames):
+        walk.step(frame, frame.truth, [car])
+        if index == 3:
+            data = encode_state(walk, {"places": file})
+            walk = decode_state(data, {"places": file})
+            again = decode_state(data, {"places": file})
+        elif index > 3:
+            again.step(frame, frame.truth, [car])
+    one, other = (side.walked().pieces[0] for side in (walk, again))
+    assert len(one.frames) == 6
+    assert np.array_equal(one.T_odom_camera, other.T_odom_camera)
+    assert [frame.inliers for frame in one.frames] == [frame.inliers for frame in other.frames]
