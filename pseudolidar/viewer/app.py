@@ -11,6 +11,7 @@ from pseudolidar.running.sighting import Seen
 from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.opening import Opened
+from pseudolidar.viewer.panels.compare import ComparePanel
 from pseudolidar.viewer.panels.export import ExportPanel
 from pseudolidar.viewer.panels.help import HelpPanel
 from pseudolidar.viewer.panels.picture import PicturePanel
@@ -56,12 +57,15 @@ class App:
     def _add_tabs(self, opened: Opened) -> None:
         """Panels that are looked at one at a time; what to do comes first where nothing is open."""
         tabs = self.view.gui.add_tab_group()
-        names = ["Scene", "Export", "Help"]
+        names = ["Scene", "Compare", "Export", "Help"]
         if opened.is_empty:
             names = ["Help", "Scene", "Export"]
         tab = {name: tabs.add_tab(name) for name in names}
         with tab["Scene"]:
             self.scene = ScenePanel(self.view)
+        if "Compare" in tab:
+            with tab["Compare"]:
+                self.compare = ComparePanel(self.view)
         with tab["Export"]:
             self.export = ExportPanel(self.view)
         with tab["Help"]:

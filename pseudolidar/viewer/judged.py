@@ -10,32 +10,34 @@ from pseudolidar.errors import PseudolidarError
 from pseudolidar.evaluation.compared import ComparedFrame, against_scan, against_truth
 from pseudolidar.evaluation.comparison.error_cloud import at_pixels, errors_m, with_errors
 from pseudolidar.evaluation.scan_surface import ScanSurface
-from pseudolidar.running.comparing.references import SCAN, OwnReference, kind_of
+from pseudolidar.running.comparing.references import SCAN, OwnKind, OwnReference, kind_of
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.viewer.moment import Moment
 
-# What `compare` takes without being told: the scan, else the truth.
-REFERENCE = OwnReference()
 
+def reference_of(converted: Converted | None, kind: OwnKind = "auto") -> StereoFrame | None:
+    """The frame with the one thing that its depths are judged by; None where there is none.
 
-def reference_of(converted: Converted | None) -> StereoFrame | None:
-    """The frame with the one thing that its depths are judged by; None where there is none."""
+    Args:
+        converted: what was made of the frame.
+        kind: scan or truth; `auto` is what `compare` takes: the scan, else the truth.
+    """
     if converted is None or converted.disparity is None:
         return None
     frame = converted.frame
-    return REFERENCE(frame) if isinstance(frame, StereoFrame) else None
+    return OwnReference(kind)(frame) if isinstance(frame, StereoFrame) else None
 
 
-def compared_of(converted: Converted | None) -> ComparedFrame | None:
+def compared_of(converted: Converted | None, kind: OwnKind = "auto") -> ComparedFrame | None:
     """Every reference point of a frame, and what stereo says there; None without a reference.
 
     Raises:
         CalibrationField: nobody knows where the scan was taken.
     """
-    found = reference_of(converted)
+    found = reference_of(converted, kind)
     if found is None or converted is None or converted.disparity is None:
         return None
     against = against_scan if kind_of(found) == SCAN else against_truth

@@ -50,6 +50,7 @@ class View:
         self.version = 0
         self.dark = True
         self._listeners: list[Callable[[Moment], None]] = []
+        self._enders: list[Callable[[], None]] = []
         self._lock = threading.RLock()
         self._stale = True
         self._ended = threading.Event()
@@ -71,6 +72,10 @@ class View:
     def on_shown(self, listener: Callable[[Moment], None]) -> None:
         """Call this with every frame that was drawn."""
         self._listeners.append(listener)
+
+    def on_stop(self, listener: Callable[[], None]) -> None:
+        """Call this before the end: what works in the background ends."""
+        self._enders.append(listener)
 
     def redraw(self) -> None:
         """Draw the shown frame again: how it looks has changed."""
@@ -132,6 +137,8 @@ class View:
         self._ended.set()
         if self._thread is not None:
             self._thread.join()
+        for ender in self._enders:
+            ender()
         self.ready.close()
         self.server.stop()
 

@@ -24,6 +24,7 @@ from pseudolidar.structures.box import Detection
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.app import App
+from pseudolidar.viewer.comparing.pool import Pool
 from pseudolidar.viewer.opening import Opened, Opening
 from pseudolidar.viewer.reel import NoFrames, SourceReel
 
@@ -87,6 +88,26 @@ def test_colours_are_chosen(app: App, opened_page: Page):
     opened_page.get_by_role("option", name="height").first.click()
     opened_page.get_by_text("Blue, red, m").first.wait_for(timeout=10_000)
     assert (before, app.view.stage.look("stereo").colouring.by) == ("photo", "height")
+
+
+def test_points_show_their_error(app: App, opened_page: Page):
+    opened_page.get_by_label("Colour").first.click()
+    opened_page.get_by_role("option", name="error").first.click()
+    opened_page.get_by_text("Too near, too far, m").first.wait_for(timeout=20_000)
+    assert np.isfinite(app.view.stage.shown["stereo"].extra["error_m"]).sum() > 10_000
+
+
+def test_errors_by_range_are_drawn(app: App, opened_page: Page):
+    opened_page.get_by_role("tab", name="Compare").click()
+    opened_page.get_by_label("Errors of the shown frame").click()
+    opened_page.locator("svg[role=img]").first.wait_for(timeout=20_000)
+    pool = Pool("stereo", "velodyne")
+    assert app.view.moment is not None
+    pool.add(app.view.moment, {})
+    (figures,) = pool.told()
+    opened_page.get_by_text(f"{figures.overall.n:,}", exact=True).wait_for(timeout=10_000)
+    opened_page.get_by_label("Errors of the shown frame").click()
+    opened_page.get_by_role("tab", name="Scene").click()
 
 
 def test_a_pixel_tells_its_depth(app: App, opened_page: Page):

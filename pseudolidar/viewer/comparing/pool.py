@@ -1,0 +1,78 @@
+"""What frames say about clouds against a reference, gathered until it is told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from pseudolidar.errors import PseudolidarError
+from pseudolidar.evaluation.compared import ComparedFrame
+from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.viewer.comparing.errors import (
+    ErrorsByRange,
+    Evidence,
+    errors_by_range,
+    evidence,
+    judged_by,
+)
+from pseudolidar.viewer.moment import Moment
+
+# Every stereo cloud of the scene that can be judged, one beside the other.
+EVERY = "every stereo cloud"
+# Reference points that are kept of all frames together, as `compare` does.
+MOST_POINTS = 4_000_000
+
+
+class Pool:
+    """Gathers frame by frame.
+
+    Args:
+        name: of the cloud that is judged, or `EVERY`.
+        against: what by.
+        frames: how many there will be.
+    """
+
+    def __init__(self, name: str, against: str, *, frames: int = 1) -> None:
+        self._name, self._against = name, against
+        self._most = max(1, MOST_POINTS // max(1, frames))
+        self._found: dict[str, list[Evidence]] = {}
+        self.faults: list[str] = []
+
+    def add(self, moment: Moment, stills: Mapping[str, PointCloud]) -> None:
+        """What a frame says; one that cannot be used is among the faults."""
+        if moment.fault:
+            self.faults.append(f"{moment.id}: {moment.fault}")
+        for name in names_of(moment, self._name, self._against):
+            try:
+                found = evidence(moment, stills, name, self._against)
+            except PseudolidarError as error:
+                self.faults.append(f"{moment.id}: {error}")
+                continue
+            if isinstance(found, ComparedFrame):
+                found = found.thinned(self._most)
+            if found is not None:
+                self._found.setdefault(name, []).append(found)
+
+    def told(self) -> tuple[ErrorsByRange, ...]:
+        """Figures of every cloud that was judged; those of another way than the first left out."""
+        every = [
+            errors_by_range(name, self._against, frames) for name, frames in self._found.items()
+        ]
+        known = [one for one in every if one is not None]
+        return tuple(one for one in known if one.way == known[0].way)
+
+
+def names_of(moment: Moment, name: str, against: str) -> tuple[str, ...]:
+    """The clouds of a frame that are judged."""
+    if name != EVERY:
+        return (name,)
+    return tuple(each for each in moment.makings if against in judged_by(moment, each))
+
+
+def choices(moment: Moment, stills: Mapping[str, PointCloud]) -> tuple[tuple[str, ...], ...]:
+    """Names of what can be judged, and of what it can be judged by; the likeliest first."""
+    clouds = (*moment.clouds, *stills)
+    references = tuple(
+        dict.fromkeys(by for name in moment.makings for by in judged_by(moment, name))
+    )
+    every = (EVERY,) if references and len(moment.makings) > 1 else ()
+    return (*every, *clouds), (*references, *(name for name in clouds if name not in references))

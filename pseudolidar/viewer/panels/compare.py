@@ -1,0 +1,107 @@
+"""Two clouds of the scene against each other: errors by range of the shown frame, or of all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from pseudolidar.viewer.comparing.pool import Pool, choices
+from pseudolidar.viewer.comparing.range_plot import told
+from pseudolidar.viewer.moment import Moment
+from pseudolidar.viewer.panels.time import escaped
+from pseudolidar.viewer.tuning.latest import Latest
+from pseudolidar.viewer.view import View
+
+NOTHING = ("",)
+HINT = (
+    "Errors by range, as `pseudolidar compare` tells them: a stereo cloud against its LiDAR scan "
+    "or truth by depth, other clouds by the distance to the nearest point."
+)
+NOT_COMPARED = "These two have nothing to be compared by."
+SAME = "Choose two different clouds."
+# Faults that are told, of many.
+FAULTS_TOLD = 3
+
+
+class ComparePanel:
+    """What is compared with what, and how they differ.
+
+    Args:
+        view: what is looked at.
+    """
+
+    def __init__(self, view: View) -> None:
+        self._view, gui = view, view.gui
+        self._frame: Latest[Moment] = Latest(self._tell_frame, name="viewer-compare")
+        self._every: Latest[int] = Latest(self._tell_all, name="viewer-compare-all")
+        self._stopped = False
+        gui.add_markdown(HINT)
+        self._name = gui.add_dropdown("Cloud", NOTHING)
+        self._against = gui.add_dropdown("Against", NOTHING)
+        self._wanted = gui.add_checkbox("Errors of the shown frame", initial_value=False)
+        self._told = gui.add_html("", visible=False)
+        self._all = gui.add_button("Errors of all frames", visible=len(view.timeline) > 1)
+        self._progress = gui.add_progress_bar(0.0, visible=False)
+        self._stop = gui.add_button("Stop", visible=False)
+        self._told_all = gui.add_html("", visible=False)
+        for control in (self._name, self._against, self._wanted):
+            control.on_update(lambda _: self._ask())
+        self._all.on_click(lambda _: self._every.ask(len(view.timeline)))
+        self._stop.on_click(lambda _: self._end())
+        view.on_shown(self._show)
+        view.on_stop(self.close)
+
+    def close(self) -> None:
+        """Tell nothing more."""
+        self._stopped = True
+        self._frame.close()
+        self._every.close()
+
+    def _end(self) -> None:
+        self._stopped = True
+
+    def _show(self, moment: Moment) -> None:
+        names, references = choices(moment, self._view.stage.stills)
+        if names and names != self._name.options:
+            self._name.options = names
+        if references and references != self._against.options:
+            self._against.options = references
+        self._ask()
+
+    def _ask(self) -> None:
+        moment = self._view.moment
+        self._told.visible = self._wanted.value
+        if self._wanted.value and moment is not None:
+            self._frame.ask(moment)
+
+    def _tell_frame(self, moment: Moment, _overtaken: Callable[[], bool]) -> None:
+        pool = Pool(self._name.value, self._against.value)
+        pool.add(moment, self._view.stage.stills)
+        self._told.content = self._words(pool)
+
+    def _tell_all(self, frames: int, overtaken: Callable[[], bool]) -> None:
+        self._stopped = False
+        self._move(0.0)
+        self._progress.visible = self._stop.visible = True
+        pool = Pool(self._name.value, self._against.value, frames=frames)
+        for index in range(frames):
+            if self._stopped or overtaken():
+                break
+            pool.add(self._view.made(index), self._view.stage.stills)
+            self._move((index + 1) / frames)
+        self._progress.visible = self._stop.visible = False
+        self._told_all.content, self._told_all.visible = self._words(pool), True
+
+    def _move(self, share: float) -> None:
+        self._progress.value = 100.0 * share  # type: ignore[misc] # a setter that mypy does not see
+
+    def _words(self, pool: Pool) -> str:
+        if self._name.value == self._against.value:
+            return paragraph(SAME)
+        found = pool.told()
+        faults = [paragraph(fault) for fault in pool.faults[:FAULTS_TOLD]]
+        return "".join([told(found) if found else paragraph(NOT_COMPARED), *faults])
+
+
+def paragraph(words: str) -> str:
+    """Words of files and users as a paragraph of HTML."""
+    return f'<p style="margin:4px 10px;font-size:0.85em">{escaped(words)}</p>'

@@ -1,0 +1,1 @@
+"""Settings tried on the frame that is looked at; knows nothing of viser."""
