@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -17,7 +17,7 @@ from pseudolidar.clouds.normals import Normals
 from pseudolidar.clouds.outliers import Lonely
 from pseudolidar.clouds.thin import Density, Uniform, Voxel
 from pseudolidar.clouds.tool import CloudTools
-from pseudolidar.errors import PseudolidarError
+from pseudolidar.errors import PseudolidarError, UsageError
 from pseudolidar.formats.mcap.content import McapContent
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.geometry.cloud_frames import CloudFrame, default_frame, left_in, placed
@@ -34,6 +34,8 @@ from pseudolidar.running.frame_checks import (
     scale_notes,
 )
 from pseudolidar.running.given import GivenSettings, given_maps
+from pseudolidar.running.live.newest import Newest
+from pseudolidar.running.live.preview import ShownWhenEncoded
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.networks import networks_of
@@ -76,6 +78,9 @@ from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
+from pseudolidar.viewer.address import LOOPBACK, PORT
+from pseudolidar.viewer.moment import Moment
+from pseudolidar.viewer.run_page import run_page
 
 _log = logging.getLogger(__name__)
 MATCHED = (StereoFrame, BodyFrame)
@@ -92,6 +97,7 @@ class Convert:
         pseudolidar convert 2011_09_26_drive_0002_sync out --to pcd,mcap
         pseudolidar convert training out --matcher sgbm --frames 0:100:10 --to bin
         pseudolidar convert left.mp4 out --right right.mp4 --rig rig.json
+        pseudolidar convert 2011_09_26_drive_0002_sync out --view
 
     Args:
         source: KITTI raw, object, odometry or stereo data, Middlebury or ETH3D scenes, folders of
@@ -158,6 +164,10 @@ class Convert:
         memory_limit: what such a process may hold, MB; by default no limit.
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
         overwrite: start anew, even where OUT holds a run with other settings.
+        view: show on a page what is made while it is made: the printed address, in a browser. At a
+            terminal it stays open after the end, until Ctrl-C.
+        port: of that page, 0 for any that is free.
+        host: of that page; others than 127.0.0.1 let other machines in, with the printed token.
         dry_run: tell frames, bytes, time and free disk, and write nothing.
     """
 
@@ -206,7 +216,18 @@ class Convert:
     memory_limit: Annotated[float | None, RUN_ONLY] = None
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
     overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+    view: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+    port: Annotated[int, RUN_ONLY] = PORT
+    host: Annotated[str, RUN_ONLY] = LOOPBACK
     dry_run: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+
+    def __post_init__(self) -> None:
+        if self.view and self.isolate:
+            raise UsageError(
+                "--view with --isolate",
+                want="one of them",
+                fix="What other processes make is not shown: look at OUT with `view`.",
+            )
 
     @property
     def crew(self) -> CrewPlan:
@@ -250,6 +271,7 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
     read = paths_read(job.source, job.disparity, job.depth)
     check_apart(job.out, read, (*job.to.folders, *products), overwrite=job.overwrite)
     with (
+        run_page(job, source, Moment.of) as onlooker,
         Run.open(job.out, job, source, products=products, networks=networks_of(per_frame)) as run,
         recording.open(job.out, run.expected(per_frame, crew=job.crew)) as log,
     ):
@@ -259,7 +281,8 @@ def run(job: Convert) -> ConvertReport | Rehearsal:
             crew=job.crew,
             searching=job.searching,
         )
-        outcomes = stream(source, per_frame, crew=job.crew, skip=settled, in_flight=run.in_flight)
+        shown = per_frame.shown_to(onlooker)
+        outcomes = stream(source, shown, crew=job.crew, skip=settled, in_flight=run.in_flight)
         left = len(source.ids) - len(settled)
         for frame in run.good(fitting(outcomes, frames=left, folder=job.out)):
             log.append(frame.id, frame.value.parts)
@@ -341,6 +364,13 @@ class ConvertFrame:
             PseudolidarError: as `converted`.
         """
         return self.encode(self.converted(frame))
+
+    def shown_to(self, onlooker: Newest[Converted] | None) -> Callable[[Frame], Product]:
+        """The same for threads, with somebody who looks on; the same bytes."""
+        if onlooker is None:
+            return self
+        encode = ShownWhenEncoded(self.encode, onlooker)
+        return lambda frame: encode(self.converted(frame))
 
     def converted(self, frame: Frame) -> Converted:
         """Match and reproject a pair, reproject depth, take a cloud as it is.

@@ -65,6 +65,9 @@ from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
+from pseudolidar.viewer.address import LOOPBACK, PORT
+from pseudolidar.viewer.moment import Moment
+from pseudolidar.viewer.run_page import run_page
 
 # A frame that takes longer is skipped; waiting for the cameras is no part of it.
 FRAME_S = 120.0
@@ -81,6 +84,7 @@ class Live:
         pseudolidar live 0 2 out --rig rig.json
         pseudolidar live /dev/video0 side-by-side out --rig rig.json --camera.size 2560x720
         pseudolidar live left.mp4 right.mp4 out --realtime --scale 0.5 --to pcd,mcap
+        pseudolidar live 0 2 out --rig rig.json --view --host 0.0.0.0
         pseudolidar live 0 2 --capture pairs --board chessboard:9x6
 
     Args:
@@ -109,6 +113,10 @@ class Live:
         realtime: play videos as if live.
         preview: renew OUT/live.jpg about once a second: photo, disparity and cloud from above of
             the newest frame; with --capture both eyes as they are.
+        view: show on a page what is made while it is made: the printed address, in a browser. It
+            ends with the run.
+        port: of that page, 0 for any that is free.
+        host: of that page; others than 127.0.0.1 let other machines in, with the printed token.
         camera: how cameras are opened and paired.
         matcher: how disparities are found.
         rows: bring the rows of the right picture to those of the left one before matching: `auto`
@@ -157,6 +165,9 @@ class Live:
     scale: float = 1.0
     realtime: Annotated[bool, RUN_ONLY] = False
     preview: Annotated[bool, RUN_ONLY] = False
+    view: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+    port: Annotated[int, RUN_ONLY] = PORT
+    host: Annotated[str, RUN_ONLY] = LOOPBACK
     camera: Annotated[CameraSettings, RUN_ONLY] = field(default_factory=CameraSettings)
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)
     rows: RowsWhen = "auto"
@@ -203,6 +214,10 @@ class Live:
                 fix="Record first, --capture DIR --every, then convert the pairs.",
                 where="--rectify.views",
             )
+        if self.view and self.capture is not None:
+            raise UsageError(
+                "--view of pairs that are only saved", want="--preview", where="--view"
+            )
         if self.to.trees:
             names = ", ".join(self.to.trees)
             raise UsageError(
@@ -236,12 +251,14 @@ def run(job: Live) -> LiveReport:
         watch = EyeWatch(swap=job.swap)
         looking = Newest("eyes", watch, idle_s=1.0) if job.check and seen == "unknown" else None
         preview = LivePreview(job.out / LIVE_NAME, CloudPicture()) if job.preview else None
-        if preview is not None:
-            per_frame = replace(per_frame, encode=ShownWhenEncoded(per_frame.encode, preview))
-        work = per_frame if looking is None else Watched(per_frame, looking)
-        shown = [one for one in (preview, looking) if one is not None]
-        order = (lambda: watch.order) if looking else (lambda: seen)
-        return record(job, cameras, source, work, recording, shown=shown, eyes=order)
+        with run_page(job, source, Moment.of, endless=True) as onlooker:
+            for each in (preview, onlooker):
+                if each is not None:
+                    per_frame = replace(per_frame, encode=ShownWhenEncoded(per_frame.encode, each))
+            work = per_frame if looking is None else Watched(per_frame, looking)
+            shown = [one for one in (preview, looking) if one is not None]
+            order = (lambda: watch.order) if looking else (lambda: seen)
+            return record(job, cameras, source, work, recording, shown=shown, eyes=order)
 
 
 def convert_frame(job: Live, source: LivePairs[Any]) -> ConvertFrame:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -34,6 +34,7 @@ from pseudolidar.running.mapped.build import (
     written,
 )
 from pseudolidar.running.mapped.checkpoints import Checkpoints
+from pseudolidar.running.mapped.glimpse import Glimpse
 from pseudolidar.running.mapped.map_outputs import MapOutputs
 from pseudolidar.running.mapped.map_recording import plan_recording, write_recording
 from pseudolidar.running.mapped.mesh_outputs import MeshOutputs, mesh_figures
@@ -66,10 +67,14 @@ from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.eyes import Eyes
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.neural import Onnx
+from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.viewer.address import LOOPBACK, PORT
+from pseudolidar.viewer.moment import Moment
+from pseudolidar.viewer.run_page import run_page
 
 RIG_NAME = "rig.json"
 
@@ -85,6 +90,7 @@ class Map:
     frame.
 
         pseudolidar map synthetic:street:40 out/street
+        pseudolidar map synthetic:street:40 out/street --view
         pseudolidar map KITTI/2011_09_26/2011_09_26_drive_0002_sync out/drive
         pseudolidar map KITTI_odometry out/06 --sequence 06 --json
         pseudolidar map drive.mcap out/drive --odometry vision --detector onnx:yolox_nano.onnx
@@ -139,6 +145,10 @@ class Map:
         timeout: a frame that takes longer is skipped, s.
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
         overwrite: start anew, even where OUT holds a run with other settings.
+        view: show on a page what is made while it is made: the printed address, in a browser. At a
+            terminal it stays open after the end, until Ctrl-C.
+        port: of that page, 0 for any that is free.
+        host: of that page; others than 127.0.0.1 let other machines in, with the printed token.
         dry_run: tell frames, the bytes and the time of matching, and free disk; write nothing.
     """
 
@@ -173,6 +183,9 @@ class Map:
     timeout: Annotated[float, RUN_ONLY] = FRAME_TIMEOUT_S
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
     overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+    view: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+    port: Annotated[int, RUN_ONLY] = PORT
+    host: Annotated[str, RUN_ONLY] = LOOPBACK
     dry_run: Annotated[bool, RUN_ONLY, THIS_TIME] = False
 
     def __post_init__(self) -> None:
@@ -221,7 +234,10 @@ def run(job: Map) -> MapReport | Rehearsal:
     recording = plan_recording(job, source, wanted=job.to.recording)
     products = (*recording.names, *job.products)
     check_apart(job.out, paths_read(job.source), (*job.folders, *products), overwrite=job.overwrite)
-    with Run.open(job.out, job, source, products=products, networks=networks_of(match_once)) as run:
+    with (
+        run_page(job, source, onlooking()) as onlooker,
+        Run.open(job.out, job, source, products=products, networks=networks_of(match_once)) as run,
+    ):
         known = run.committed
         run.check(
             wanted=job.check and len(known) < len(source.ids),
@@ -246,6 +262,9 @@ def run(job: Map) -> MapReport | Rehearsal:
                 run.commit(Done(frame.id, frame.index, matched.product, frame.cpu_s))
             if film is not None:
                 film.add(matched, registered, walk.placed[0].id)
+            if onlooker is not None:
+                T = registered.state.T_odom_camera
+                onlooker.show(frame.index, Glimpse(matched.frame, matched.disparity, T))
             walk = checkpoints.after(walk)
         seconds = time.monotonic() - begun_s
         walked = walk.walked()
@@ -255,6 +274,8 @@ def run(job: Map) -> MapReport | Rehearsal:
         if film is not None:
             files = (*files, film.finish(run, source))
         made = mapped(job, source, pieces, rig, recording)
+        if onlooker is not None:
+            onlooker.lay(WHOLE_NAME, made.whole)
     if not job.keep_work and run.result().exit_code in (ALL_DONE, SOME_SKIPPED):
         shutil.rmtree(job.out / WORK_FOLDER, ignore_errors=True)
     frames = len(walk.placed) - len(passed)
@@ -276,6 +297,12 @@ def run(job: Map) -> MapReport | Rehearsal:
         more=[*map_sections(made.whole, pieces, source.rig), *loop_sections(walked, source)],
     )
     return replace(report, files=(*files, page))
+
+
+def onlooking() -> Callable[[Glimpse], Moment]:
+    """A frame on its way to what there is to see of it."""
+    reproject = Reprojector(Reproject())
+    return lambda glimpse: Moment.of(glimpse.converted(reproject))
 
 
 def path_files(job: Map, walk: Walk, pieces: Sequence[Piece], rig: StereoRig) -> tuple[Path, ...]:

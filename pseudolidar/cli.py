@@ -27,6 +27,7 @@ from pseudolidar.errors import ALL_DONE, Interrupted, UsageError
 from pseudolidar.running.blas_threads import use_one_blas_thread
 from pseudolidar.running.crew.given_up import still_working
 from pseudolidar.running.kernel_cache import prepare_kernel_cache
+from pseudolidar.running.lingering import linger
 from pseudolidar.running.signals import Stopped, StopSignals
 
 # New objects after which the collector of garbage looks for cycles, and the rounds of the older
@@ -67,6 +68,7 @@ def _run(args: list[str], out: TextIO, *, as_json: bool, debug: bool) -> int:
     try:
         report = execute(args)
         write_result(out, json_text(report.as_dict()) if as_json else report.text())
+        linger(report.exit_code)
         return report.exit_code
     except SystemExit:  # help was shown
         return ALL_DONE

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pseudolidar.errors import ServeError
 from pseudolidar.viewer.port_owner import port_owner
 
-LOOPBACK = "127.0.0.1"
+LOOPBACK, PORT = "127.0.0.1", 8080
 # Connections that may wait to be taken.
 BACKLOG = 64
 
@@ -25,7 +25,7 @@ class Address:
     """
 
     host: str = LOOPBACK
-    port: int = 8080
+    port: int = PORT
     names: tuple[str, ...] = ()
 
     @property

@@ -10,12 +10,15 @@ from typing import Self
 from pseudolidar.running.sighting import Seen
 from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.address import Address
+from pseudolidar.viewer.drawn_path import DrawnPath
+from pseudolidar.viewer.live_reel import LiveReel
 from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.panels.compare import ComparePanel
 from pseudolidar.viewer.panels.export import ExportPanel
 from pseudolidar.viewer.panels.help import HelpPanel
 from pseudolidar.viewer.panels.picture import PicturePanel
 from pseudolidar.viewer.panels.points import PointsPanel
+from pseudolidar.viewer.panels.run import RunPanel
 from pseudolidar.viewer.panels.scene import ScenePanel
 from pseudolidar.viewer.panels.time import TimePanel
 from pseudolidar.viewer.reel import NoFrames
@@ -47,8 +50,12 @@ class App:
             self.view.stage.put(still)
         self._look_from()
         self.view.set_theme(dark=True)
-        if opened.reels:
+        self.run = RunPanel(self.view, reel) if isinstance(reel, LiveReel) else None
+        if self.run is not None:
+            self.path = DrawnPath(self.view)
+        elif opened.reels:
             self.time = TimePanel(self.view)
+        if opened.reels:
             self.picture = PicturePanel(self.view, sighted)
         self.points = PointsPanel(self.view)
         self._add_tabs(opened)

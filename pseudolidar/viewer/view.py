@@ -48,6 +48,7 @@ class View:
         self.finishing: dict[str, Callable[[Moment], Moment]] = {}
         self.moment: Moment | None = None
         self.version = 0
+        self.draw_s = 0.0  # processor time that the last frame took to draw
         self.dark = True
         self._listeners: list[Callable[[Moment], None]] = []
         self._enders: list[Callable[[], None]] = []
@@ -162,8 +163,10 @@ class View:
             if moment is None or (moment is self.moment and not self._stale):
                 return
             self._stale = False
+        begun_s = time.thread_time()
         self.moment = moment
         self.stage.show(moment)
         self.version += 1
         for listener in self._listeners:
             listener(moment)
+        self.draw_s = time.thread_time() - begun_s

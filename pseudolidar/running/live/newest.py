@@ -13,6 +13,8 @@ Shown = TypeVar("Shown")
 class Newest(Generic[Shown]):
     """Hands over the newest of what it is shown, now and then, until the block ends.
 
+    `given` counts what it was shown, `passed_over` what of that was never handed over.
+
     Args:
         name: of the thread.
         do: takes it; the seconds until the next one is wanted, None if no more are.
@@ -23,6 +25,7 @@ class Newest(Generic[Shown]):
         self._do, self._idle_s = do, idle_s
         self._newest: tuple[int, Shown] | None = None
         self._done = -1
+        self.given = self.passed_over = 0
         self._lock, self._stop = threading.Lock(), threading.Event()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
@@ -34,7 +37,11 @@ class Newest(Generic[Shown]):
             what: to do.
         """
         with self._lock:
-            if number > (self._done if self._newest is None else self._newest[0]):
+            newer = number > (self._done if self._newest is None else self._newest[0])
+            # Of two that nobody has taken yet, one is never done.
+            self.passed_over += self._newest is not None or not newer
+            self.given += 1
+            if newer:
                 self._newest = number, what
 
     def __enter__(self) -> Self:

@@ -61,6 +61,10 @@ class ScenePanel:
             if name not in self._folders:
                 self._add(name, moment.clouds[name], judged=name in moment.makings)
             self._folders[name].show()
+        for name, cloud in self._view.stage.stills.items():
+            if name not in self._folders:  # laid down meanwhile
+                self._add(name, cloud)
+                self._folders[name].show()
 
     def _add(self, name: str, cloud: PointCloud, *, judged: bool = False) -> None:
         with self._clouds:
