@@ -16,10 +16,12 @@ from pseudolidar.pipelines.convert import Convert, ConvertFrame  # type: ignore[
 from pseudolidar.pipelines.convert import opened as opened_source
 
 from pseudolidar.clouds.ground_fit import GroundFit
+from pseudolidar.clouds.outliers import Lonely
 from pseudolidar.errors import ALL_DONE, UsageError
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY
 from pseudolidar.running.matching import MatchFrame, Refining
+from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.sighting import SMALL_THINGS_KEPT, Seen, SightFrame
 from pseudolidar.running.signals import Stopped
 from pseudolidar.sources.recognise import Source
@@ -29,7 +31,11 @@ from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.eyes import Eyes
 from pseudolidar.stereo.filters.clean import Clean
+from pseudolidar.stereo.filters.filled_map import Surfaces
+from pseudolidar.stereo.filters.smoothed_map import Fgs
+from pseudolidar.stereo.filters.temporal import Kalman
 from pseudolidar.stereo.neural import Onnx
+from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.frame import StereoFrame
@@ -39,6 +45,7 @@ from pseudolidar.viewer.app import App
 from pseudolidar.viewer.exporting import check_export, export
 from pseudolidar.viewer.opening import Opened, Opening
 from pseudolidar.viewer.reel import SourceReel
+from pseudolidar.viewer.tuning.tuner import Workshop
 
 HOST_NAME = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?")
 
@@ -57,6 +64,7 @@ class View:
         pseudolidar view out/drive --no-browser --port 9000
         pseudolidar view out/drive --host 0.0.0.0 --named robot.lan
         pseudolidar view out/map.ply --export map.html
+        pseudolidar view drive --settings settings.json
 
     Args:
         paths: several at once: sources (KITTI data, folders, videos, recordings, synthetic:NAME),
@@ -67,6 +75,11 @@ class View:
         balance: give the right picture the brightness, colours, gamma and vignetting of the left
             one before matching: `auto`, `always`, `never`.
         clean: what is removed of them because it is no surface; `none` keeps all.
+        temporal: how disparities are fused with those of the frames before; needs poses.
+        smooth: how disparities are smoothed before they become points.
+        fill: how holes between matched pixels are filled.
+        reproject: which pixels become points, and how.
+        outliers: which points are removed of clouds of any origin; `clean` is for disparities.
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         rig: calibration that replaces the source's cameras.
         rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
@@ -85,6 +98,11 @@ class View:
     rows: RowsWhen = "auto"
     balance: BalanceWhen = "auto"
     clean: Clean | None = field(default_factory=Clean)
+    temporal: Kalman | None = None
+    smooth: Fgs | None = None
+    fill: Surfaces | None = None
+    reproject: Reproject = field(default_factory=Reproject)
+    outliers: Lonely | None = None
     frames: FrameSelection | None = None
     rig: Path | None = None
     rig_unit: RigUnit | None = None
@@ -119,6 +137,11 @@ class View:
             rows=self.rows,
             balance=self.balance,
             clean=self.clean,
+            temporal=self.temporal,
+            smooth=self.smooth,
+            fill=self.fill,
+            reproject=self.reproject,
+            outliers=self.outliers,
             frames=self.frames,
             rig=self.rig,
             rig_unit=self.rig_unit,
@@ -140,15 +163,22 @@ def run(job: View) -> ViewReport:
     """
     if job.export is not None:
         check_export(job.export)
-    opened = Opening(job.reel_of).all_of(job.paths)
+    sources: list[Source] = []
+
+    def reel_of(source: Source) -> SourceReel:
+        sources.append(source)
+        return job.reel_of(source)
+
+    opened = Opening(reel_of).all_of(job.paths)
     if job.export is not None:
         with App.made(Address(port=0), opened) as app:
             export(app, job.export)
         return ViewReport(job.export)
+    shop = workshop(job, sources[0], opened) if sources else None
     # Ctrl-C is the ordinary way out, and no interruption.
     with (
         contextlib.suppress(Stopped),
-        App.served(job.address, opened, measuring(job, opened)) as app,
+        App.served(job.address, opened, measuring(job, opened), shop) as app,
     ):
         print(app.url, file=sys.stderr, flush=True)  # noqa: T201 - printed at once, not at the end
         if job.browser:
@@ -165,6 +195,33 @@ def measuring(job: View, opened: Opened) -> Callable[[Frame], Seen] | None:
     eyes = Eyes(job.rows, job.balance)
     match = MatchFrame.load(reel.source, job.matcher, Refining(), SMALL_THINGS_KEPT, eyes=eyes)
     return SightFrame.of(match, GroundFit())
+
+
+def workshop(job: View, source: Source, opened: Opened) -> Workshop[View] | None:
+    """How the first source's frames are made by other settings; None where it has no pairs.
+
+    Args:
+        job: the first settings.
+        source: that was opened first.
+        opened: all that there is.
+    """
+    reel = opened.reels[0]
+    if not isinstance(reel, SourceReel) or reel.source.yields is not StereoFrame:
+        return None
+    frames = reel.source
+
+    def load(tuned: View) -> Callable[[Frame], Converted]:
+        convert: Callable[[Frame], Converted] = ConvertFrame.of(
+            tuned.conversion(source), frames
+        ).converted
+        return convert
+
+    def sighted(tuned: View) -> Callable[[Frame], Seen]:
+        found = measuring(tuned, opened)
+        assert found is not None  # it has pairs
+        return found
+
+    return Workshop(job, load, sighted)
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from pseudolidar.cli import main
-from pseudolidar.commandline.help_text import doc_parts
 from pseudolidar.commandline.verbs import pipelines_folder
+from pseudolidar.running.settings_docs import doc_parts
 
 JOB = Path(__file__).parent / "example_job.py"
 KITTI = {"kind": "kitti-raw", "path": "kitti/a", "camera": "colour"}

@@ -10,8 +10,8 @@ import tyro
 from tyro.constructors import PrimitiveConstructorSpec, StructFieldSpec
 
 from pseudolidar.commandline.choices import Entry, FilledBy, Node
-from pseudolidar.commandline.help_text import class_doc
 from pseudolidar.errors import PseudolidarError, UsageError
+from pseudolidar.running.settings_docs import class_doc
 from pseudolidar.running.settings_schema import (
     NO_CHOICE,
     SettingsField,

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import json
 import types
+from collections.abc import Mapping
 from dataclasses import MISSING
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args, get_origin
@@ -22,7 +24,9 @@ from pseudolidar.running.settings_schema import (
 CHOICE_KEY = "kind"  # names the member of a union of settings
 # In a file of settings: they are parts that verbs share, and each takes those that it has.
 FOR_EVERY_VERB, TUNED_SCHEMA = "tuned", 1
-TUNED_PARTS = ("matcher", "smooth", "fill")
+TUNED_PARTS = (
+    "matcher", "rows", "balance", "clean", "temporal", "smooth", "fill", "reproject", "outliers",
+)  # fmt: skip
 _NOT_FINITE = ("inf", "-inf", "nan")  # as text: JSON has no such numbers
 
 Settings = TypeVar("Settings")
@@ -69,6 +73,17 @@ def values_from_json(cls: type, data: dict[str, Any], *, where: str = "") -> dic
                 f"unknown setting {name!r}", want=", ".join(fields), where=_at(where, name)
             )
     return {n: _field_from_json(fields[n], v, _at(where, n)) for n, v in data.items()}
+
+
+def tuned_file(settings: Mapping[str, Any], about: Mapping[str, Any]) -> bytes:
+    """A file of settings for every verb, each of which takes the parts that it has.
+
+    Args:
+        settings: some of `TUNED_PARTS`, as `to_json` gives them.
+        about: how they were found.
+    """
+    data = {"schema": TUNED_SCHEMA, FOR_EVERY_VERB: about, "settings": settings}
+    return (json.dumps(data, indent=2) + "\n").encode()
 
 
 def result_settings(settings: Any) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Callable, Iterator
-from typing import Self
+from typing import Any, Self
 
 from pseudolidar.running.sighting import Seen
 from pseudolidar.structures.recorded import Frame
@@ -16,13 +16,16 @@ from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.panels.compare import ComparePanel
 from pseudolidar.viewer.panels.export import ExportPanel
 from pseudolidar.viewer.panels.help import HelpPanel
+from pseudolidar.viewer.panels.hue import HuePanel
 from pseudolidar.viewer.panels.picture import PicturePanel
 from pseudolidar.viewer.panels.points import PointsPanel
 from pseudolidar.viewer.panels.run import RunPanel
 from pseudolidar.viewer.panels.scene import ScenePanel
 from pseudolidar.viewer.panels.time import TimePanel
-from pseudolidar.viewer.reel import NoFrames
+from pseudolidar.viewer.panels.tune import TunePanel
+from pseudolidar.viewer.reel import NoFrames, SourceReel
 from pseudolidar.viewer.server import GuardedServer, serve
+from pseudolidar.viewer.tuning.tuner import Workshop
 from pseudolidar.viewer.view import View
 
 TITLE = "pseudolidar"
@@ -39,10 +42,15 @@ class App:
         server: with its guard.
         opened: what is looked at.
         sighted: a frame to what things in it are measured by; None where they cannot be.
+        workshop: how frames are made by other settings; None where they cannot be.
     """
 
     def __init__(
-        self, server: GuardedServer, opened: Opened, sighted: Callable[[Frame], Seen] | None = None
+        self,
+        server: GuardedServer,
+        opened: Opened,
+        sighted: Callable[[Frame], Seen] | None = None,
+        workshop: Workshop[Any] | None = None,
     ) -> None:
         reel = opened.reels[0] if opened.reels else NoFrames()
         self.view = View(server, reel)
@@ -58,18 +66,24 @@ class App:
         if opened.reels:
             self.picture = PicturePanel(self.view, sighted)
         self.points = PointsPanel(self.view)
-        self._add_tabs(opened)
+        self._add_tabs(opened, workshop)
         self._ended = threading.Event()
 
-    def _add_tabs(self, opened: Opened) -> None:
+    def _add_tabs(self, opened: Opened, workshop: Workshop[Any] | None) -> None:
         """Panels that are looked at one at a time; what to do comes first where nothing is open."""
         tabs = self.view.gui.add_tab_group()
-        names = ["Scene", "Compare", "Export", "Help"]
+        reel = self.view.reel
+        tunable = workshop is not None and isinstance(reel, SourceReel)
+        names = ["Scene", *(["Tune"] if tunable else []), "Compare", "Export", "Help"]
         if opened.is_empty:
             names = ["Help", "Scene", "Export"]
         tab = {name: tabs.add_tab(name) for name in names}
         with tab["Scene"]:
             self.scene = ScenePanel(self.view)
+        if workshop is not None and isinstance(reel, SourceReel):
+            with tab["Tune"]:
+                self.tune = TunePanel(self.view, reel, workshop, self.picture)
+                self.hue = HuePanel(self.view, self.picture)
         if "Compare" in tab:
             with tab["Compare"]:
                 self.compare = ComparePanel(self.view)
@@ -91,28 +105,36 @@ class App:
     @classmethod
     @contextlib.contextmanager
     def served(
-        cls, address: Address, opened: Opened, sighted: Callable[[Frame], Seen] | None = None
+        cls,
+        address: Address,
+        opened: Opened,
+        sighted: Callable[[Frame], Seen] | None = None,
+        workshop: Workshop[Any] | None = None,
     ) -> Iterator[Self]:
         """Serve what was opened, and end with the block.
 
         Raises:
             ServeError: the address cannot be had.
         """
-        with cls.made(address, opened, sighted) as app:
+        with cls.made(address, opened, sighted, workshop) as app:
             app.view.start()
             yield app
 
     @classmethod
     @contextlib.contextmanager
     def made(
-        cls, address: Address, opened: Opened, sighted: Callable[[Frame], Seen] | None = None
+        cls,
+        address: Address,
+        opened: Opened,
+        sighted: Callable[[Frame], Seen] | None = None,
+        workshop: Workshop[Any] | None = None,
     ) -> Iterator[Self]:
         """The same, with nothing drawn yet.
 
         Raises:
             ServeError: the address cannot be had.
         """
-        app = cls(serve(address, label=TITLE), opened, sighted)
+        app = cls(serve(address, label=TITLE), opened, sighted, workshop)
         try:
             yield app
         finally:

@@ -51,6 +51,10 @@ class Moment:
         sight: the left camera, or the only one; None where clouds came alone.
         T_map_forward: (4, 4) where that frame is in the map; None where nobody knows.
         converted: pictures, disparities and depth that the clouds were made of.
+        compared: the same by two settings, the first of which were kept; None where nothing is
+            compared.
+        matched_at: size of the pictures that were matched, as a share of theirs: less than 1 is a
+            first look.
         fault: why it cannot be shown; then there is nothing else.
         makings: what clouds were made of whose depths can be judged, by their names.
     """
@@ -62,6 +66,8 @@ class Moment:
     sight: Sight | None = None
     T_map_forward: Float64 | None = None
     converted: Converted | None = None
+    compared: tuple[Converted, Converted] | None = None
+    matched_at: float = 1.0
     fault: str = ""
     makings: Mapping[str, Converted] = field(default_factory=dict)
 
@@ -83,13 +89,15 @@ class Moment:
     @property
     def nbytes(self) -> int:
         """What it holds, roughly."""
+        clouds = [*self.clouds.values(), *(one.cloud for one in self.compared or ())]
         columns = [
             column
-            for cloud in self.clouds.values()
+            for cloud in clouds
             for column in (cloud.xyz, cloud.rgb, cloud.sigma_m, cloud.uv, *cloud.extra.values())
             if column is not None
         ]
-        every = (*self.makings.values(), *([self.converted] if self.converted else ()))
+        own = () if self.converted is None else (self.converted,)
+        every = (*self.makings.values(), *own, *(self.compared or ()))
         for made in {id(each): each for each in every}.values():
             columns += _arrays(made)
         return sum(column.nbytes for column in columns)

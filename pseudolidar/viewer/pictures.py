@@ -16,6 +16,7 @@ from pseudolidar.structures.arrays import Float32, Float64, UInt8
 from pseudolidar.structures.camera import Camera
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
+from pseudolidar.viewer.moment import Moment
 
 # Depths that are red and blue.
 DEPTH_M = (3.0, 60.0)
@@ -23,6 +24,19 @@ DEPTH_M = (3.0, 60.0)
 SIGMA_DECADES = (-2.0, 1.0)
 # Disparity that is red: this share of the picture's pixels have less.
 RED_SHARE = 0.98
+
+
+@dataclass(frozen=True)
+class Layer:
+    """A picture that a panel adds to those of a frame.
+
+    Args:
+        there: whether a moment has it; asked often.
+        draw: (H, W, 3) RGB, of the left picture's size.
+    """
+
+    there: Callable[[Moment], bool]
+    draw: Callable[[Moment], UInt8]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +88,7 @@ def kinds(converted: Converted) -> dict[str, Callable[[Converted], UInt8]]:
         return found | ({"depth": _depth} if converted.depth is not None else {})
     found["right"] = _right
     if converted.disparity is not None:
-        found |= {"disparity": _disparity, "depth": _depth, "sigma": _sigma}
+        found |= {"disparity": disparity_of, "depth": _depth, "sigma": _sigma}
     if frame.truth is not None and converted.disparity is not None:
         found["error"] = _error
     if frame.scan is not None and frame.rig.T_left_velodyne is not None:
@@ -128,7 +142,8 @@ def _right(converted: Converted) -> UInt8:
     return np.asarray(right if right.dtype == np.uint8 else right >> 8, np.uint8)
 
 
-def _disparity(converted: Converted) -> UInt8:
+def disparity_of(converted: Converted) -> UInt8:
+    """(H, W, 3) RGB of the disparities of a pair."""
     assert converted.disparity is not None
     values = converted.disparity.values
     known = values[np.isfinite(values)]

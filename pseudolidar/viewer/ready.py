@@ -63,6 +63,13 @@ class Ready:
                 self._held[index] = moment  # used last
             return moment
 
+    def put(self, index: int, moment: Moment) -> None:
+        """Take in a frame that was made elsewhere, in place of any."""
+        with self._lock:
+            self._held.pop(index, None)
+            self._held[index] = moment
+            self._give_up()
+
     def forget(self) -> None:
         """Drop everything: frames are made otherwise from now on."""
         with self._lock:

@@ -6,6 +6,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pseudolidar.viewer.judged import judged
@@ -25,6 +26,19 @@ _log = logging.getLogger(__name__)
 TICK_S = 1 / 60
 # What errors are added to frames for.
 JUDGING = "errors"
+
+
+@dataclass
+class Trial:
+    """A frame that is being made by other settings, by somebody who hands it in himself.
+
+    Args:
+        index: of the frame.
+        moment: what there is of it so far.
+    """
+
+    index: int
+    moment: Moment | None = None
 
 
 class View:
@@ -54,6 +68,7 @@ class View:
         self._enders: list[Callable[[], None]] = []
         self._lock = threading.RLock()
         self._stale = True
+        self._trial: Trial | None = None
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -90,7 +105,9 @@ class View:
 
     def made(self, index: int) -> Moment:
         """A frame with all that is added to it; callable from any thread."""
-        moment = self.reel.load(index)
+        return self._finished(self.reel.load(index))
+
+    def _finished(self, moment: Moment) -> Moment:
         for finish in tuple(self.finishing.values()):
             moment = finish(moment)
         return moment
@@ -104,6 +121,40 @@ class View:
             self.remake()
         else:  # frames that know more than is asked for do no harm
             del self.finishing[JUDGING]
+
+    def try_out(self, reel: Reel) -> Trial:
+        """Make frames by another reel from now on, but for the shown one: `present` brings that.
+
+        Until it has been brought, or `end` says that it will not be, no other is made ready.
+        """
+        with self._lock:
+            self.reel, self._trial = reel, Trial(self.timeline.index)
+            self.ready.forget()
+            return self._trial
+
+    def present(self, trial: Trial, moment: Moment, *, last: bool) -> None:
+        """Show what a trial has come to; of one that was followed by another nothing.
+
+        Args:
+            trial: that `try_out` gave.
+            moment: its frame.
+            last: whether it stays, as if it had been made ready as others are.
+        """
+        moment = self._finished(moment)
+        with self._lock:
+            if trial is not self._trial:
+                return
+            trial.moment = moment
+            if last:
+                self.ready.put(trial.index, moment)
+                self._trial = None
+            self._stale = True
+
+    def end(self, trial: Trial) -> None:
+        """A trial that brings nothing more: its frame is made ready as all others are."""
+        with self._lock:
+            if trial is self._trial:
+                self._trial = None
 
     def play(self, *, playing: bool) -> None:
         """Play or pause."""
@@ -158,8 +209,12 @@ class View:
             timeline = self.timeline
             if timeline.due(now_s) and self.ready.get(timeline.following) is not None:
                 timeline.advance(now_s)
-            self.ready.want(timeline.ahead(AHEAD))
-            moment = self.ready.get(timeline.index)
+            trial = self._trial
+            if trial is not None and trial.index == timeline.index:
+                moment = trial.moment
+            else:
+                self.ready.want(timeline.ahead(AHEAD))
+                moment = self.ready.get(timeline.index)
             if moment is None or (moment is self.moment and not self._stale):
                 return
             self._stale = False

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,12 +14,7 @@ from pseudolidar.evaluation.disparity import mean_known
 from pseudolidar.evaluation.matching_loss import Judgement
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.running.crew.attempt import Skipped
-from pseudolidar.running.settings_json import (
-    FOR_EVERY_VERB,
-    TUNED_SCHEMA,
-    settings_differences,
-    to_json,
-)
+from pseudolidar.running.settings_json import settings_differences, to_json, tuned_file
 from pseudolidar.running.table import table_text
 from pseudolidar.running.tuning.space import Candidate
 
@@ -126,8 +120,7 @@ def write_settings(path: Path, found: Found, about: dict[str, Any]) -> None:
         about: what they were tuned on.
     """
     settings, told = to_json(found.candidate), {**about, **found.losses}
-    data = {"schema": TUNED_SCHEMA, FOR_EVERY_VERB: told, "settings": settings}
-    write_atomic(path, (json.dumps(data, indent=2) + "\n").encode())
+    write_atomic(path, tuned_file(settings, told))
 
 
 @dataclass(frozen=True, eq=False)

@@ -144,10 +144,26 @@ _SMOOTH: tuple[Dimension, ...] = (
     Number("smooth.strength", 300, 60_000, log=True, step=100),
     Number("smooth.sigma_color", 0.5, 8, log=True, step=0.1),
 )
+# Of these the space holds shares of one another, not the settings' own values.
+_AS_RATIOS = ("p1", "p2")
 _FILL: tuple[Dimension, ...] = (
     Number("fill.largest_px", 4, 300, log=True),
     Number("fill.largest_m", 0.1, 10, log=True, step=0.1),
 )
+
+
+def numbers_of(kind: type) -> dict[str, Number]:
+    """Ranges in which the numbers of a matcher or a filter are tried, by field.
+
+    Those of SGBM's penalties are left out: they are tried as ratios.
+
+    Args:
+        kind: class of the settings.
+    """
+    filters: dict[type, tuple[Dimension, ...]] = {Fgs: _SMOOTH, Surfaces: _FILL}
+    found = (d for d in (_MATCHERS | filters).get(kind, ()) if isinstance(d, Number))
+    numbers = {number.name.partition(".")[2]: number for number in found}
+    return {name: number for name, number in numbers.items() if name not in _AS_RATIOS}
 
 
 @dataclass(frozen=True)

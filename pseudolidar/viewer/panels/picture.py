@@ -22,7 +22,7 @@ from pseudolidar.structures.obstacle import Obstacle
 from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.answers import Answer
 from pseudolidar.viewer.moment import Moment
-from pseudolidar.viewer.pictures import camera_of, kinds, pixel_of
+from pseudolidar.viewer.pictures import Layer, camera_of, kinds, pixel_of
 from pseudolidar.viewer.view import View
 
 PAGE = Path(__file__).parent.parent / "pages" / "picture.html"
@@ -45,6 +45,8 @@ class PicturePanel:
     def __init__(self, view: View, sighted: Callable[[Frame], Seen] | None) -> None:
         self._view, self._sighted = view, sighted
         self._seen: tuple[int, Seen] | None = None
+        self._layers: dict[str, Layer] = {}
+        self._pickers: list[Callable[[float, float], None]] = []
         self._measuring = threading.Lock()
         page = PAGE.read_bytes()
         view.server.pages |= {
@@ -57,6 +59,30 @@ class PicturePanel:
         with view.gui.add_folder("Pictures"):
             self._frame = view.gui.add_html(framed(MOST_PX))
         view.on_shown(self._fit)
+
+    def add_layer(self, name: str, layer: Layer) -> None:
+        """Offer another picture, of the same size as the left one."""
+        self._layers[name] = layer
+
+    def on_pick(self, picker: Callable[[float, float], None]) -> None:
+        """Call this with the place (x, y), px, of every click into the picture."""
+        self._pickers.append(picker)
+
+    def measure_by(self, sighted: Callable[[Frame], Seen]) -> None:
+        """Measure by other settings from now on."""
+        with self._measuring:
+            self._sighted, self._seen = sighted, None
+
+    def seen(self) -> Seen | None:
+        """What is seen in the shown frame; None where nothing can be measured.
+
+        Raises:
+            PseudolidarError: there is nothing to be seen.
+        """
+        converted = self._converted
+        if converted is None or self._sighted is None:
+            return None
+        return self._sight(self._sighted, converted.frame)
 
     def _fit(self, moment: Moment) -> None:
         """Make the page as high as pictures of this shape need."""
@@ -73,12 +99,16 @@ class PicturePanel:
         state = {"version": self._view.version, "dark": self._view.dark, "kinds": []}
         if converted is not None and (found := kinds(converted)):
             camera = camera_of(converted.frame)
-            state |= {"kinds": list(found), "width": camera.width_px, "height": camera.height_px}
+            names = [*found, *self._layers_of(self._view.moment)]
+            state |= {"kinds": names, "width": camera.width_px, "height": camera.height_px}
         return _json(state)
 
     def _picture(self, query: Mapping[str, str]) -> Answer:
         converted, kind = self._converted, query.get("kind", "")
         found = {} if converted is None else kinds(converted)
+        layers = self._layers_of(moment := self._view.moment)
+        if moment is not None and kind in layers:
+            return Answer(encode_png(np.ascontiguousarray(layers[kind].draw(moment))), "image/png")
         if converted is None or kind not in found:
             return Answer(b"", "text/plain", HTTPStatus.NOT_FOUND)
         pixels = np.ascontiguousarray(found[kind](converted))
@@ -94,6 +124,8 @@ class PicturePanel:
         if "mark" in query:
             known = np.isfinite(pixel.depth_m)
             self._view.stage.mark(self._view.stage.of_camera(pixel.xyz_m) if known else None)
+            for picker in self._pickers:
+                picker(*place)
         return _json({"text": pixel.text})
 
     def _measure(self, query: Mapping[str, str]) -> Answer:
@@ -118,6 +150,12 @@ class PicturePanel:
             if self._seen is None or self._seen[0] != id(frame):
                 self._seen = id(frame), sighted(frame)
             return self._seen[1]
+
+    def _layers_of(self, moment: Moment | None) -> dict[str, Layer]:
+        """The other pictures that there are of a frame."""
+        if moment is None or moment.converted is None:
+            return {}
+        return {name: one for name, one in self._layers.items() if one.there(moment)}
 
     @property
     def _converted(self) -> Converted | None:
