@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import json
+import logging
 import re
 import sys
 import webbrowser
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,16 +19,21 @@ from pseudolidar.pipelines.convert import opened as opened_source
 
 from pseudolidar.clouds.ground_fit import GroundFit
 from pseudolidar.clouds.outliers import Lonely
-from pseudolidar.errors import ALL_DONE, UsageError
+from pseudolidar.errors import ALL_DONE, PseudolidarError, UsageError
 from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.obstacles.corridor import Corridor
+from pseudolidar.obstacles.detectors import AnyDetector
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY
 from pseudolidar.running.matching import MatchFrame, Refining
+from pseudolidar.running.nearness import Searching
 from pseudolidar.running.products.converted import Converted
+from pseudolidar.running.settings_json import from_json
 from pseudolidar.running.sighting import SMALL_THINGS_KEPT, Seen, SightFrame
 from pseudolidar.running.signals import Stopped
 from pseudolidar.sources.recognise import Source
 from pseudolidar.sources.scans_put_right import Scans, with_scans_put_right
 from pseudolidar.sources.selection import FrameSelection
+from pseudolidar.sources.source import FrameSequence
 from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.eyes import Eyes
@@ -43,10 +50,17 @@ from pseudolidar.structures.recorded import DepthFrame, Frame
 from pseudolidar.viewer.address import LOOPBACK, Address
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.exporting import check_export, export
-from pseudolidar.viewer.opening import Opened, Opening
+from pseudolidar.viewer.opening import RUN_FILE, Opened, Opening
+from pseudolidar.viewer.panels.obstacles import Asked
 from pseudolidar.viewer.reel import SourceReel
 from pseudolidar.viewer.tuning.tuner import Workshop
 
+_log = logging.getLogger(__name__)
+# Settings of a run that say which frames it saw, and how their disparities were found.
+OF_FRAMES = (
+    "source", "matcher", "rows", "balance", "frames", "exclude", "rig", "rig_unit", "rectify",
+    "scale_calibration", "min_depth", "swap",
+)  # fmt: skip
 HOST_NAME = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?")
 
 
@@ -63,6 +77,7 @@ class View:
         pseudolidar view out/map.ply out/trajectory.tum
         pseudolidar view out/drive --no-browser --port 9000
         pseudolidar view out/drive --host 0.0.0.0 --named robot.lan
+        pseudolidar view training --detector cloud --corridor 2x2x30
         pseudolidar view out/map.ply --export map.html
         pseudolidar view drive --settings settings.json
 
@@ -83,6 +98,9 @@ class View:
         frames: only these: slices 100:400:2, ids 13,35, or @FILE with such items.
         rig: calibration that replaces the source's cameras.
         rig_unit: unit of lengths in a calibration that does not say it: m, cm, mm.
+        detector: what says where objects are, at first; what `obstacles` found needs none. Those
+            that need a file (onnx, template) come from here alone, others are chosen on the page.
+        corridor: draw a corridor ahead, WIDTHxHEIGHTxLENGTH in m, with the nearest thing in it.
         port: to listen at, 0 for any that is free.
         host: to listen at; others than 127.0.0.1 let other machines in, which still need the token.
         named: a name that this machine has in the addresses of browsers, where that is neither
@@ -106,6 +124,8 @@ class View:
     frames: FrameSelection | None = None
     rig: Path | None = None
     rig_unit: RigUnit | None = None
+    detector: AnyDetector | None = None
+    corridor: Corridor | None = None
     port: Annotated[int, RUN_ONLY] = 8080
     host: Annotated[str, RUN_ONLY] = LOOPBACK
     named: Annotated[str | None, RUN_ONLY] = None
@@ -149,9 +169,18 @@ class View:
 
     def reel_of(self, source: Source) -> SourceReel:
         """The frames of a source, made into clouds when they are looked at."""
-        job = self.conversion(source)
-        opened = with_scans_put_right(opened_source(job), Scans())  # as `compare` does
-        return SourceReel(opened, ConvertFrame.of(job, opened).converted)
+        return reel_by(self.conversion(source))
+
+    def reel_of_run(self, folder: Path) -> SourceReel | None:
+        """The frames that a run saw, as it saw them; None, and why, where they are gone."""
+        try:
+            settings = json.loads((folder / RUN_FILE).read_bytes())["settings"]
+            told = {name: settings[name] for name in OF_FRAMES if name in settings}
+            job = from_json(Convert, told, where=RUN_FILE)
+            return reel_by(replace(job, clean=self.clean))
+        except (OSError, ValueError, KeyError, TypeError, PseudolidarError) as error:
+            _log.warning("%s: its source cannot be opened: %s", folder, error)
+            return None
 
 
 def run(job: View) -> ViewReport:
@@ -163,22 +192,23 @@ def run(job: View) -> ViewReport:
     """
     if job.export is not None:
         check_export(job.export)
-    sources: list[Source] = []
+    made: list[tuple[SourceReel, Source]] = []
 
     def reel_of(source: Source) -> SourceReel:
-        sources.append(source)
-        return job.reel_of(source)
+        made.append((job.reel_of(source), source))
+        return made[-1][0]
 
-    opened = Opening(reel_of).all_of(job.paths)
+    opened = Opening(reel_of, job.reel_of_run).all_of(job.paths)
+    asked = Asked(job.detector, job.corridor)
     if job.export is not None:
-        with App.made(Address(port=0), opened) as app:
+        with App.made(Address(port=0), opened, sighted(opened), asked) as app:
             export(app, job.export)
         return ViewReport(job.export)
-    shop = workshop(job, sources[0], opened) if sources else None
+    shop = workshop(job, *made[0]) if made and opened.reels[0] is made[0][0] else None
     # Ctrl-C is the ordinary way out, and no interruption.
     with (
         contextlib.suppress(Stopped),
-        App.served(job.address, opened, measuring(job, opened), shop) as app,
+        App.served(job.address, opened, sighted(opened), asked, shop) as app,
     ):
         print(app.url, file=sys.stderr, flush=True)  # noqa: T201 - printed at once, not at the end
         if job.browser:
@@ -187,28 +217,46 @@ def run(job: View) -> ViewReport:
     return ViewReport()
 
 
-def measuring(job: View, opened: Opened) -> Callable[[Frame], Seen] | None:
-    """What things in pictures are measured by, as `measure` does; None where there are none."""
+def reel_by(job: Convert) -> SourceReel:
+    """The frames of a source as `convert` makes clouds of them, and `measure` measures in them."""
+    frames = with_scans_put_right(opened_source(job), Scans())  # as `compare` does
+    convert = ConvertFrame.of(job, frames).converted
+    if frames.yields not in (StereoFrame, DepthFrame):
+        return SourceReel(frames, convert)
+    return SourceReel(frames, convert, measuring(job, frames))
+
+
+def measuring(job: Convert, frames: FrameSequence[Frame]) -> Callable[[Frame], Seen]:
+    """What things in frames with pictures are measured by, as `measure` does."""
+    match = MatchFrame.load(
+        frames,
+        job.matcher,
+        Refining(),
+        SMALL_THINGS_KEPT,
+        eyes=Eyes(job.rows, job.balance),
+        min_depth_m=job.min_depth,
+    )
+    searched_px = Searching(job.matcher, job.min_depth).searched_px(frames)
+    return SightFrame.of(match, GroundFit(), searched_px=searched_px)
+
+
+def sighted(opened: Opened) -> Callable[[Frame], Seen] | None:
+    """What things in the frames are measured by; None where they cannot be."""
     reel = opened.reels[0] if opened.reels else None
-    if not isinstance(reel, SourceReel) or reel.source.yields not in (StereoFrame, DepthFrame):
-        return None
-    eyes = Eyes(job.rows, job.balance)
-    match = MatchFrame.load(reel.source, job.matcher, Refining(), SMALL_THINGS_KEPT, eyes=eyes)
-    return SightFrame.of(match, GroundFit())
+    return reel.sighted if isinstance(reel, SourceReel) else None
 
 
-def workshop(job: View, source: Source, opened: Opened) -> Workshop[View] | None:
-    """How the first source's frames are made by other settings; None where it has no pairs.
+def workshop(job: View, reel: SourceReel, source: Source) -> Workshop[View] | None:
+    """How the frames of a source are made by other settings; None where it has no pairs.
 
     Args:
         job: the first settings.
-        source: that was opened first.
-        opened: all that there is.
+        reel: its frames as they are made by these.
+        source: what they come from.
     """
-    reel = opened.reels[0]
-    if not isinstance(reel, SourceReel) or reel.source.yields is not StereoFrame:
-        return None
     frames = reel.source
+    if frames.yields is not StereoFrame:
+        return None
 
     def load(tuned: View) -> Callable[[Frame], Converted]:
         convert: Callable[[Frame], Converted] = ConvertFrame.of(
@@ -216,12 +264,7 @@ def workshop(job: View, source: Source, opened: Opened) -> Workshop[View] | None
         ).converted
         return convert
 
-    def sighted(tuned: View) -> Callable[[Frame], Seen]:
-        found = measuring(tuned, opened)
-        assert found is not None  # it has pairs
-        return found
-
-    return Workshop(job, load, sighted)
+    return Workshop(job, load, lambda tuned: measuring(tuned.conversion(source), frames))
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,18 @@ class Corridor:
             return sight.ground.offset_m, CLEARANCE_M, self.height_m
         return 0.0, -0.5 * self.height_m, 0.5 * self.height_m
 
+    def corners_m(self, sight: Sight) -> Float64:
+        """(8, 3) corners in the camera's frame, in the order of `Box3D.corners_m`."""
+        eye_m, low_m, high_m = self.heights_m(sight)
+        half_m = 0.5 * self.width_m
+        level = [
+            (x, y, z)
+            for x in (-half_m, half_m)
+            for y in (eye_m - low_m, eye_m - high_m)
+            for z in (0.0, self.length_m)
+        ]
+        return turned(level_axes(sight).T, np.array(level))
+
     def __str__(self) -> str:
         return f"{self.width_m:g}x{self.height_m:g}x{self.length_m:g}"
 

@@ -18,7 +18,7 @@ from pseudolidar.running.products.found_clouds import FoundOutputs
 from pseudolidar.running.products.obstacle_film import ObstacleArtist
 from pseudolidar.running.products.product import Product
 from pseudolidar.running.products.told_recording import found_parts
-from pseudolidar.running.sighting import SightFrame
+from pseudolidar.running.sighting import Seen, SightFrame
 from pseudolidar.structures.recorded import Frame
 
 NEAR_FOLDER = "near"
@@ -71,12 +71,26 @@ class FindFrame:
             PairIdentical, LowTexture, MapEmpty: there is nothing to be seen.
             LabelError: the detector has nothing to go by.
         """
-        seen = self.sight(frame)
-        detections = () if self.detect is None else self.detect(seen.sight)
-        obstacles = measured(seen.sight, detections)
-        nearest_first = sorted(obstacles, key=lambda obstacle: obstacle.distance_m)
-        view = None if self.corridor is None else corridor_view(seen.sight, self.corridor)
-        return Found(frame, seen, tuple(nearest_first), view)
+        return found_in(frame, self.sight(frame), self.detect, self.corridor)
+
+
+def found_in(frame: Frame, seen: Seen, detect: Detector | None, corridor: Corridor | None) -> Found:
+    """Detect and measure in what is seen; the nearest obstacle first.
+
+    Args:
+        frame: that it is seen in.
+        seen: its depth and ground.
+        detect: says where objects are; None where nothing is asked.
+        corridor: what is watched, if anything.
+
+    Raises:
+        LabelError: the detector has nothing to go by.
+    """
+    detections = () if detect is None else detect(seen.sight)
+    obstacles = measured(seen.sight, detections)
+    nearest_first = sorted(obstacles, key=lambda obstacle: obstacle.distance_m)
+    view = None if corridor is None else corridor_view(seen.sight, corridor)
+    return Found(frame, seen, tuple(nearest_first), view)
 
 
 def figures(found: Found) -> dict[str, Any]:

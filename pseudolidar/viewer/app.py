@@ -17,6 +17,7 @@ from pseudolidar.viewer.panels.compare import ComparePanel
 from pseudolidar.viewer.panels.export import ExportPanel
 from pseudolidar.viewer.panels.help import HelpPanel
 from pseudolidar.viewer.panels.hue import HuePanel
+from pseudolidar.viewer.panels.obstacles import NOTHING_ASKED, Asked, ObstaclesPanel
 from pseudolidar.viewer.panels.picture import PicturePanel
 from pseudolidar.viewer.panels.points import PointsPanel
 from pseudolidar.viewer.panels.run import RunPanel
@@ -24,6 +25,7 @@ from pseudolidar.viewer.panels.scene import ScenePanel
 from pseudolidar.viewer.panels.time import TimePanel
 from pseudolidar.viewer.panels.tune import TunePanel
 from pseudolidar.viewer.reel import NoFrames, SourceReel
+from pseudolidar.viewer.remembered import RememberedSights
 from pseudolidar.viewer.server import GuardedServer, serve
 from pseudolidar.viewer.tuning.tuner import Workshop
 from pseudolidar.viewer.view import View
@@ -42,6 +44,7 @@ class App:
         server: with its guard.
         opened: what is looked at.
         sighted: a frame to what things in it are measured by; None where they cannot be.
+        asked: what is looked for in frames from the start.
         workshop: how frames are made by other settings; None where they cannot be.
     """
 
@@ -50,8 +53,10 @@ class App:
         server: GuardedServer,
         opened: Opened,
         sighted: Callable[[Frame], Seen] | None = None,
+        asked: Asked = NOTHING_ASKED,
         workshop: Workshop[Any] | None = None,
     ) -> None:
+        sights = None if sighted is None else RememberedSights(sighted)
         reel = opened.reels[0] if opened.reels else NoFrames()
         self.view = View(server, reel)
         for still in opened.stills:
@@ -64,17 +69,26 @@ class App:
         elif opened.reels:
             self.time = TimePanel(self.view)
         if opened.reels:
-            self.picture = PicturePanel(self.view, sighted)
+            self.picture = PicturePanel(self.view, sights)
         self.points = PointsPanel(self.view)
-        self._add_tabs(opened, workshop)
+        self._add_tabs(opened, sights, asked, workshop)
         self._ended = threading.Event()
 
-    def _add_tabs(self, opened: Opened, workshop: Workshop[Any] | None) -> None:
+    def _add_tabs(
+        self,
+        opened: Opened,
+        sights: RememberedSights | None,
+        asked: Asked,
+        workshop: Workshop[Any] | None,
+    ) -> None:
         """Panels that are looked at one at a time; what to do comes first where nothing is open."""
         tabs = self.view.gui.add_tab_group()
         reel = self.view.reel
-        tunable = workshop is not None and isinstance(reel, SourceReel)
-        names = ["Scene", *(["Tune"] if tunable else []), "Compare", "Export", "Help"]
+        names = ["Scene", "Tune", "Obstacles", "Compare", "Export", "Help"]
+        if workshop is None or not isinstance(reel, SourceReel):
+            names.remove("Tune")
+        if not opened.reels or self.run is not None:  # a running command shows the newest only
+            names.remove("Obstacles")
         if opened.is_empty:
             names = ["Help", "Scene", "Export"]
         tab = {name: tabs.add_tab(name) for name in names}
@@ -84,6 +98,9 @@ class App:
             with tab["Tune"]:
                 self.tune = TunePanel(self.view, reel, workshop, self.picture)
                 self.hue = HuePanel(self.view, self.picture)
+        if "Obstacles" in tab:
+            with tab["Obstacles"]:
+                self.obstacles = ObstaclesPanel(self.view, sights, opened.objects, asked)
         if "Compare" in tab:
             with tab["Compare"]:
                 self.compare = ComparePanel(self.view)
@@ -109,6 +126,7 @@ class App:
         address: Address,
         opened: Opened,
         sighted: Callable[[Frame], Seen] | None = None,
+        asked: Asked = NOTHING_ASKED,
         workshop: Workshop[Any] | None = None,
     ) -> Iterator[Self]:
         """Serve what was opened, and end with the block.
@@ -116,7 +134,7 @@ class App:
         Raises:
             ServeError: the address cannot be had.
         """
-        with cls.made(address, opened, sighted, workshop) as app:
+        with cls.made(address, opened, sighted, asked, workshop) as app:
             app.view.start()
             yield app
 
@@ -127,6 +145,7 @@ class App:
         address: Address,
         opened: Opened,
         sighted: Callable[[Frame], Seen] | None = None,
+        asked: Asked = NOTHING_ASKED,
         workshop: Workshop[Any] | None = None,
     ) -> Iterator[Self]:
         """The same, with nothing drawn yet.
@@ -134,7 +153,7 @@ class App:
         Raises:
             ServeError: the address cannot be had.
         """
-        app = cls(serve(address, label=TITLE), opened, sighted, workshop)
+        app = cls(serve(address, label=TITLE), opened, sighted, asked, workshop)
         try:
             yield app
         finally:

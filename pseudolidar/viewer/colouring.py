@@ -186,9 +186,11 @@ def _column(cloud: PointCloud, by: ColourBy) -> AnyArray | None:
 
 def _of_objects(cloud: PointCloud) -> UInt8:
     numbers = _column(cloud, "object")
-    if numbers is None:
-        return _plain(len(cloud))
-    # What belongs to no object is below 1, or NaN.
+    return _plain(len(cloud)) if numbers is None else object_colours(numbers)
+
+
+def object_colours(numbers: AnyArray) -> UInt8:
+    """(N, 3) RGB by number of an object, (N,); grey for none: what is below 1, or NaN."""
     known = np.nan_to_num(np.asarray(numbers, np.float64), nan=-1.0)
     colours = turbo(np.asarray((known * GOLDEN) % 1.0, np.float32), -0.1, 1.1)
     colours[known < 1] = PLAIN

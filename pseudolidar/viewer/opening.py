@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from pseudolidar.errors import PseudolidarError, SourceUnknown
+from pseudolidar.formats.obstacle_json import read_obstacles
 from pseudolidar.formats.points.cloud_file import is_cloud_file, read_cloud
 from pseudolidar.formats.trajectory_file import (
     KITTI_VERTICAL,
@@ -21,12 +22,15 @@ from pseudolidar.geometry.frames import R_BODY_OPTICAL
 from pseudolidar.sources.cloud_files import CloudFiles
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.recording.recording import Recording
+from pseudolidar.structures.obstacle import Obstacle
 from pseudolidar.viewer.reel import Reel
 from pseudolidar.viewer.stills import Still, StillCloud, StillPath
 
 RUN_FILE = "run.json"
 # What `map` leaves, and the path in it: the map's own form of it, not the camera's.
 MAP_STEM, PATH_NAME = "map", "trajectory.tum"
+# What `obstacles` leaves.
+OBJECTS_NAME = "obstacles.jsonl"
 # Folders of clouds that `convert` writes, the one that keeps most first.
 CLOUD_FOLDERS = ("npz", "pcd", "ply", "bin")
 
@@ -38,10 +42,12 @@ class Opened:
     Args:
         reels: sequences.
         stills: what does not change.
+        objects: what a run found, by frame.
     """
 
     reels: tuple[Reel, ...] = ()
     stills: tuple[Still, ...] = ()
+    objects: Mapping[str, tuple[Obstacle, ...]] = field(default_factory=dict)
 
     @property
     def is_empty(self) -> bool:
@@ -55,11 +61,14 @@ class Opening:
 
     Args:
         reel_of: a source to its sequence.
+        reel_of_run: folder of a run to the sequence that it looked at; None where that is gone.
     """
 
     reel_of: Callable[[Source], Reel]
+    reel_of_run: Callable[[Path], Reel | None] = lambda _folder: None
     _reels: list[Reel] = field(default_factory=list)
     _stills: list[Still] = field(default_factory=list)
+    _objects: dict[str, tuple[Obstacle, ...]] = field(default_factory=dict)
 
     def all_of(self, paths: Sequence[str]) -> Opened:
         """Everything that the paths hold.
@@ -70,20 +79,12 @@ class Opening:
         """
         for path in paths:
             self._open(path)
-        return Opened(tuple(self._reels), tuple(self._stills))
+        return Opened(tuple(self._reels), tuple(self._stills), self._objects)
 
     def _open(self, path: str) -> None:
         place = Path(path)
         if place.is_dir() and (place / RUN_FILE).is_file():
-            found = list(_of_run(place))
-            if not found:
-                raise SourceUnknown(
-                    "the folder of a run that left nothing to look at",
-                    want="clouds, a recording, or a map in it",
-                    path=path,
-                )
-            for part in found:
-                self._open(str(part))
+            self._open_run(place)
         elif place.is_file() and is_cloud_file(place):
             cloud = turned_forward(read_cloud(place))
             self._stills.append(StillCloud(place.name, cloud[cloud.valid]))
@@ -91,6 +92,24 @@ class Opening:
             self._stills.append(_path_of(place))
         else:
             self._reels.append(self.reel_of(recognise(path)))
+
+    def _open_run(self, folder: Path) -> None:
+        if (folder / OBJECTS_NAME).is_file():
+            self._objects |= read_obstacles(folder / OBJECTS_NAME)
+            # Frames with their pictures are better than clouds alone.
+            reel = self.reel_of_run(folder)
+            if reel is not None:
+                self._reels.append(reel)
+                return
+        found = list(_of_run(folder))
+        if not found:
+            raise SourceUnknown(
+                "the folder of a run that left nothing to look at",
+                want="clouds, a recording, or a map in it; of obstacles, the source of the run",
+                path=folder,
+            )
+        for part in found:
+            self._open(str(part))
 
 
 def _of_run(folder: Path) -> Iterator[Path]:

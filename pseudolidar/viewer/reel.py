@@ -9,6 +9,7 @@ from typing import Protocol
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.running.products.converted import Converted
+from pseudolidar.running.sighting import Seen
 from pseudolidar.sources.source import FrameSequence
 from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.moment import Moment
@@ -57,10 +58,12 @@ class SourceReel:
     Args:
         source: opened.
         convert: a frame to what is made of it.
+        sighted: a frame to what things in it are measured by; None where they cannot be.
     """
 
     source: FrameSequence[Frame]
     convert: Callable[[Frame], Converted]
+    sighted: Callable[[Frame], Seen] | None = None
 
     @property
     def name(self) -> str:

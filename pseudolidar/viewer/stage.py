@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -81,6 +81,10 @@ class Stage:
         self._origin: Float64 | None = None
         self.looks: dict[str, Look] = {}
         self.follow = True
+        # (3,) in the frame of the clouds, of a thing that stays where it is; None for nothing.
+        self.followed: Callable[[Moment], Float64 | None] = lambda _moment: None
+        self._pinned_m: Float64 | None = None
+        self._shift_m = np.zeros(3)
         self.shown: dict[str, PointCloud] = {}
 
     def put(self, still: Still) -> None:
@@ -136,7 +140,7 @@ class Stage:
         self.mark(None)
         self.show_box(None)
         with self._server.atomic():
-            self._place(moment.T_map_forward)
+            self._place(moment.T_map_forward, self.followed(moment))
             for name, cloud in moment.clouds.items():
                 self._draw_cloud(name, cloud)
             for name in self._clouds.keys() - moment.clouds.keys() - self._stills.keys():
@@ -159,7 +163,11 @@ class Stage:
     def of_camera(self, xyz_m: Float64) -> Float64 | None:
         """(3,) where a point of the left camera's frame is in the scene; None without a camera."""
         place = self._from_camera(xyz_m)
-        return None if place is None else _moved(self._T_scene_map @ self._T_map_rig, place)
+        return None if place is None else self.of_rig(place)
+
+    def of_rig(self, xyz_m: Float64) -> Float64:
+        """(3,) where a point of the frame of the clouds is in the scene."""
+        return _moved(self._T_scene_map @ self._T_map_rig, xyz_m)
 
     def pickable(self) -> Mapping[str, tuple[PointCloud, Float64]]:
         """Clouds that are drawn, by name, each with the (4, 4) pose of its frame in the scene."""
@@ -195,6 +203,10 @@ class Stage:
             return None
         return np.asarray((self._sight.T_forward_camera @ np.append(xyz_m, 1.0))[:3])
 
+    def let_go(self) -> None:
+        """Hold nothing in place any more, from the next frame on."""
+        self._pinned_m, self._shift_m = None, np.zeros(3)
+
     def show_axes(self, *, shown: bool) -> None:
         """Draw the axes of the rig, or not."""
         self._rig.show_axes = shown
@@ -213,11 +225,16 @@ class Stage:
         T[:3, 3] -= self._origin
         return T
 
-    def _place(self, T_map_forward: Float64 | None) -> None:
+    def _place(self, T_map_forward: Float64 | None, followed_m: Float64 | None) -> None:
         T = self._T_map_rig = self.in_map(T_map_forward)
         self._rig.wxyz, self._rig.position = quaternion_wxyz(T[:3, :3]), T[:3, 3]
         # To follow the rig is to move the map under it.
         T_scene_map = self._T_scene_map = inverted(T) if self.follow else np.eye(4)
+        if followed_m is not None:
+            place = self.of_rig(followed_m)
+            self._pinned_m = place if self._pinned_m is None else self._pinned_m
+            self._shift_m = self._pinned_m - place
+        T_scene_map[:3, 3] += self._shift_m
         self._map.wxyz = quaternion_wxyz(T_scene_map[:3, :3])
         self._map.position = T_scene_map[:3, 3]
 

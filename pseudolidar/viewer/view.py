@@ -45,7 +45,8 @@ class View:
     """A sequence on a server.
 
     Panels read `moment`, change `timeline`, `stage` and `reel`, and call `redraw`. What they hand
-    to `on_shown` is called with every frame that was drawn, by the one thread that draws.
+    to `on_shown` is called with every frame that was drawn, by the one thread that draws; while it
+    plays, what they hand to `wait_for` says whether the following frame may be shown.
 
     Args:
         server: with its guard.
@@ -66,6 +67,7 @@ class View:
         self.dark = True
         self._listeners: list[Callable[[Moment], None]] = []
         self._enders: list[Callable[[], None]] = []
+        self._awaited: list[Callable[[Moment], bool]] = []
         self._lock = threading.RLock()
         self._stale = True
         self._trial: Trial | None = None
@@ -92,6 +94,10 @@ class View:
     def on_stop(self, listener: Callable[[], None]) -> None:
         """Call this before the end: what works in the background ends."""
         self._enders.append(listener)
+
+    def wait_for(self, ready: Callable[[Moment], bool]) -> None:
+        """While it plays, show no frame before this says that it is ready; asked often."""
+        self._awaited.append(ready)
 
     def redraw(self) -> None:
         """Draw the shown frame again: how it looks has changed."""
@@ -207,7 +213,7 @@ class View:
         """Draw the frame that it is time for, if it is ready and not drawn."""
         with self._lock:
             timeline = self.timeline
-            if timeline.due(now_s) and self.ready.get(timeline.following) is not None:
+            if timeline.due(now_s) and self._may_follow(timeline.following):
                 timeline.advance(now_s)
             trial = self._trial
             if trial is not None and trial.index == timeline.index:
@@ -225,3 +231,7 @@ class View:
         for listener in self._listeners:
             listener(moment)
         self.draw_s = time.thread_time() - begun_s
+
+    def _may_follow(self, index: int) -> bool:
+        moment = self.ready.get(index)
+        return moment is not None and all(ready(moment) for ready in self._awaited)

@@ -16,6 +16,7 @@ from pseudolidar.pipelines.convert import Convert, ConvertFrame, opened
 from pseudolidar.cli import main
 from pseudolidar.clouds.ground_fit import GroundFit
 from pseudolidar.formats.points.ply import read_ply, write_ply
+from pseudolidar.obstacles.labels import Labels
 from pseudolidar.obstacles.measure import measured
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.sighting import SMALL_THINGS_KEPT, SightFrame
@@ -147,8 +148,8 @@ def test_a_box_is_measured_as_the_library_does(app: App, opened_page: Page):
     moment = app.view.moment
     assert moment is not None
     assert moment.converted is not None
-    assert app.picture._sighted is not None
-    sight = app.picture._sighted(moment.converted.frame).sight
+    assert app.picture._sights is not None
+    sight = app.picture._sights(moment.converted.frame).sight
     box = tuple(float(query[side]) for side in ("left", "top", "right", "bottom"))
     (obstacle,) = measured(sight, [Detection("thing", box)])  # type: ignore[arg-type]
     said = inner.inner_text("#said")
@@ -266,3 +267,62 @@ def test_a_scene_is_a_page_of_its_own(tmp_path: Path, page: Page):
     page.goto(out.as_uri())
     page.wait_for_selector("canvas", timeout=30_000)
     assert main(["view", "--export", str(tmp_path / "scene.txt")]) == 2
+
+
+def objects_page(page: Page) -> InnerPage:
+    page.get_by_role("tab", name="Obstacles").click()
+    page.wait_for_selector('iframe[title="Obstacles"]')
+    (inner,) = [frame for frame in page.frames if frame.url.endswith("/obstacles")]
+    return inner
+
+
+def test_objects_are_listed_as_the_library_measures_them(app: App, opened_page: Page):
+    app.view.jump(0)
+    shown(opened_page, 1)
+    inner = objects_page(opened_page)
+    opened_page.get_by_label("Detector").click()
+    opened_page.get_by_role("option", name="labels").click()
+    first = inner.locator("tbody tr").first
+    first.wait_for(timeout=20_000)
+    moment = app.view.moment
+    assert moment is not None
+    assert moment.converted is not None
+    assert app.picture._sights is not None
+    sight = app.picture._sights(moment.converted.frame).sight
+    found = sorted(measured(sight, Labels().load()(sight)), key=lambda one: one.distance_m)
+    rows = inner.locator("tbody tr").all_inner_texts()
+    assert len(rows) == len(found)
+    assert f"{found[0].distance_m:.1f} ± {found[0].sigma_distance_m:.1f}" in rows[0]
+    assert rows[0].startswith(found[0].detection.name)
+
+
+def test_a_chosen_object_stays_in_place(app: App, opened_page: Page):
+    inner = objects_page(opened_page)
+    inner.locator("tbody tr").nth(1).click()
+    inner.locator('tbody tr[aria-selected="true"]').wait_for(timeout=10_000)
+    chosen = app.obstacles.scene.chosen_one
+    assert chosen is not None
+    before = app.view.stage.of_rig(chosen.middle_m)
+    opened_page.get_by_label("Hold the chosen").click()
+    for _ in range(200):  # the click is a message, and drawn with the next tick
+        if app.view.stage._pinned_m is not None:
+            break
+        opened_page.wait_for_timeout(50)
+    app.view.step(1)
+    shown(opened_page, 2)
+    for _ in range(200):
+        now = app.obstacles.scene.chosen_one
+        if now is not None and np.linalg.norm(now.middle_m - chosen.middle_m) > 0.05:
+            break
+        opened_page.wait_for_timeout(50)
+    assert now is not None
+    assert now.key == chosen.key
+    assert np.allclose(app.view.stage.of_rig(now.middle_m), before, atol=1e-6)
+    opened_page.get_by_label("Hold the chosen").click()
+
+
+@pytest.mark.parametrize("key", ["", "track 99", "<b>", "x" * 3000])
+def test_objects_that_are_none_are_not_chosen(app: App, opened_page: Page, key: str):
+    answer = opened_page.request.get(f"{base(app)}obstacles/choose", params={"key": key})
+    assert answer.ok
+    assert answer.json()["chosen"] == ""

@@ -105,3 +105,25 @@ def test_places_on_earth_are_kept_in_double(tmp_path: Path):
     still = StillCloud("utm", PointCloud(utm, "map"))
     near = (utm - middle_m(still)).astype(np.float32)
     assert np.allclose(near[1] - near[0], utm[1] - utm[0], atol=1e-6)
+
+
+def test_a_run_that_found_obstacles_is_opened_with_the_frames_that_it_saw(tmp_path: Path):
+    (tmp_path / "run.json").write_text("{}")
+    (tmp_path / "obstacles.jsonl").write_bytes(b"")
+    with pytest.raises(SourceUnknown, match="the source of the run"):
+        opened(tmp_path)
+    (tmp_path / "pcd").mkdir()
+    write_pcd(tmp_path / "pcd" / "1.pcd", cloud())
+    assert opened(tmp_path)[1] == [CloudFiles(str(tmp_path / "pcd"))]
+    asked: list[Path] = []
+
+    def reel_of_run(folder: Path) -> NoFrames:
+        asked.append(folder)
+        return NoFrames("the source")
+
+    found = Opening(lambda _source: NoFrames(), reel_of_run).all_of([str(tmp_path)])
+    assert asked == [tmp_path]
+    assert [reel.name for reel in found.reels] == ["the source"]
+    (tmp_path / "obstacles.jsonl").write_text('{"frame": "1"}\n')
+    with pytest.raises(PseudolidarError, match=r"obstacles\.jsonl"):
+        opened(tmp_path)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page
-from pseudolidar.pipelines.view import View, measuring, workshop
+from pseudolidar.pipelines.view import View, workshop
 
 from pseudolidar.cli import main
 from pseudolidar.formats.pictures.disparity_png import read_disparity_png
@@ -25,9 +25,9 @@ SOURCE = Synthetic("street", frames=2, width_px=400)
 @pytest.fixture(scope="module")
 def app() -> Iterator[App]:
     job = View()
-    opened = Opened((job.reel_of(SOURCE),))
-    shop = workshop(job, SOURCE, opened)
-    with App.served(Address(port=0), opened, measuring(job, opened), shop) as served:
+    reel = job.reel_of(SOURCE)
+    shop = workshop(job, reel, SOURCE)
+    with App.served(Address(port=0), Opened((reel,)), reel.sighted, workshop=shop) as served:
         yield served
 
 

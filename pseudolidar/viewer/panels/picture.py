@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import threading
 from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from pathlib import Path
@@ -23,6 +22,7 @@ from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.answers import Answer
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.pictures import Layer, camera_of, kinds, pixel_of
+from pseudolidar.viewer.remembered import RememberedSights
 from pseudolidar.viewer.view import View
 
 PAGE = Path(__file__).parent.parent / "pages" / "picture.html"
@@ -39,15 +39,13 @@ class PicturePanel:
 
     Args:
         view: what is looked at.
-        sighted: a frame to what things in it are measured by; None where they cannot be.
+        sights: what things in frames are measured by; None where they cannot be.
     """
 
-    def __init__(self, view: View, sighted: Callable[[Frame], Seen] | None) -> None:
-        self._view, self._sighted = view, sighted
-        self._seen: tuple[int, Seen] | None = None
+    def __init__(self, view: View, sights: RememberedSights | None) -> None:
+        self._view, self._sights = view, sights
         self._layers: dict[str, Layer] = {}
         self._pickers: list[Callable[[float, float], None]] = []
-        self._measuring = threading.Lock()
         page = PAGE.read_bytes()
         view.server.pages |= {
             "/picture": lambda _query: Answer(page, "text/html; charset=utf-8"),
@@ -70,8 +68,8 @@ class PicturePanel:
 
     def measure_by(self, sighted: Callable[[Frame], Seen]) -> None:
         """Measure by other settings from now on."""
-        with self._measuring:
-            self._sighted, self._seen = sighted, None
+        if self._sights is not None:
+            self._sights.change(sighted)
 
     def seen(self) -> Seen | None:
         """What is seen in the shown frame; None where nothing can be measured.
@@ -80,9 +78,9 @@ class PicturePanel:
             PseudolidarError: there is nothing to be seen.
         """
         converted = self._converted
-        if converted is None or self._sighted is None:
+        if converted is None or self._sights is None:
             return None
-        return self._sight(self._sighted, converted.frame)
+        return self._sights(converted.frame)
 
     def _fit(self, moment: Moment) -> None:
         """Make the page as high as pictures of this shape need."""
@@ -131,25 +129,18 @@ class PicturePanel:
     def _measure(self, query: Mapping[str, str]) -> Answer:
         box = _numbers(query, "left", "top", "right", "bottom")
         moment = self._view.moment
-        if self._sighted is None or box is None or moment is None or moment.converted is None:
+        if self._sights is None or box is None or moment is None or moment.converted is None:
             return _json({"text": "nothing can be measured here"})
         left, top, right, bottom = box
         if not (left <= right and top <= bottom):
             return Answer(b"", "text/plain", HTTPStatus.BAD_REQUEST)
         try:
-            sight = self._sight(self._sighted, moment.converted.frame).sight
+            sight = self._sights(moment.converted.frame).sight
             (obstacle,) = measured(sight, [Detection(THING, (left, top, right, bottom))])
         except PseudolidarError as error:
             return _json({"text": str(error)})
         self._view.stage.show_box(obstacle.box)
         return _json({"text": _said(obstacle), "distance_m": obstacle.distance_m})
-
-    def _sight(self, sighted: Callable[[Frame], Seen], frame: Frame) -> Seen:
-        """What is seen in a frame; of the last one it is known already."""
-        with self._measuring:
-            if self._seen is None or self._seen[0] != id(frame):
-                self._seen = id(frame), sighted(frame)
-            return self._seen[1]
 
     def _layers_of(self, moment: Moment | None) -> dict[str, Layer]:
         """The other pictures that there are of a frame."""

@@ -1,0 +1,1 @@
+"""Objects in the scene: found, followed, told and drawn."""

@@ -1,0 +1,74 @@
+"""Which detector somebody in a browser asks for."""
+
+from __future__ import annotations
+
+import re
+from typing import get_args
+
+from pseudolidar.errors import UsageError
+from pseudolidar.obstacles.cloud import Cloud
+from pseudolidar.obstacles.colour import Colour
+from pseudolidar.obstacles.detectors import AnyDetector
+from pseudolidar.obstacles.hues import Hues
+from pseudolidar.obstacles.labels import Labels
+from pseudolidar.obstacles.regions import Boxes, Regions
+from pseudolidar.obstacles.within import Band, Range
+from pseudolidar.running.settings_schema import choice_name
+
+NONE, OF_RUN = "none", "of the run"
+# What detectors that need words are given at first.
+USUAL = {"range": "2-20", "colour": "red", "regions": "480,180,620,260"}
+# A browser names no files: these come with the command that started the viewer.
+BY_FILE = ("template", "onnx")
+_NUMBERS = re.compile(r"[\d.,+\- ]{1,80}")
+
+
+def kinds(*, of_run: bool, given: AnyDetector | None) -> tuple[str, ...]:
+    """Detectors to choose from.
+
+    Args:
+        of_run: whether a run has found objects already.
+        given: the one that the viewer was started with.
+    """
+    own = [name for name in _names() if name not in BY_FILE]
+    first = [OF_RUN] if of_run else []
+    return (*first, NONE, *([] if given is None else [given_name(given)]), *own)
+
+
+def given_name(given: AnyDetector) -> str:
+    """What the detector is called that the viewer was started with."""
+    return f"{choice_name(type(given))}, as started"
+
+
+def detector_of(kind: str, text: str, given: AnyDetector | None) -> AnyDetector | None:
+    """The detector of a kind, with the words that its flag takes.
+
+    Args:
+        kind: one of `kinds`.
+        text: hues, distances, or a box in px.
+        given: the one that the viewer was started with.
+
+    Raises:
+        UsageError: the words mean nothing to it.
+    """
+    if given is not None and kind == given_name(given):
+        return given
+    match kind:
+        case "labels":
+            return Labels()
+        case "cloud":
+            return Cloud()
+        case "range":
+            return Range(Band.parse(text))
+        case "colour":
+            return Colour(Hues.parse(text), most=5)
+        case "regions":
+            # Anything else would be taken for the path of a file.
+            if not _NUMBERS.fullmatch(text):
+                raise UsageError(f"{text!r}", want="LEFT,TOP,RIGHT,BOTTOM in px")
+            return Regions(Boxes.parse(text))
+    return None
+
+
+def _names() -> tuple[str, ...]:
+    return tuple(choice_name(one) for one in get_args(AnyDetector))

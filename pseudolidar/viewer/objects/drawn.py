@@ -1,0 +1,193 @@
+"""Nodes of viser for objects: few, changed in place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pseudolidar.structures.arrays import Float32, Float64, UInt8
+from pseudolidar.viewer.objects.lines import coloured, dashed, edges_of
+from pseudolidar.viewer.objects.scene import ObjectScene
+from pseudolidar.viewer.objects.shown import Colour
+from pseudolidar.viewer.stage import RIG
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+NODE = f"{RIG}/objects"
+TRUTH_COLOUR, CHOSEN_COLOUR, FREE_COLOUR, THING_COLOUR = (
+    (235, 235, 235),
+    (255, 255, 255),
+    (70, 200, 110),
+    (255, 90, 60),
+)
+# Widths of lines, px.
+SURE_PX, UNSURE_PX, CHOSEN_PX = 2.5, 1.2, 5.0
+# Points of objects are drawn over those of the cloud, m.
+POINT_M = 0.055
+# Words that would cover those of a nearer thing are left out, as seen from where one looks at
+# first: so far apart they are, degrees across and upwards.
+EYE_M, APART_DEG = (-8.0, 0.0, 5.0), (6.5, 3.0)
+# A cross where the nearest thing of a corridor is, m.
+CROSS_M = 0.4
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What of objects is drawn.
+
+    Args:
+        boxes: with their arrows.
+        labels: words at so many of the nearest.
+        points: in the colours of their boxes.
+        truth: what the data set labels.
+    """
+
+    boxes: bool = True
+    labels: int = 10
+    points: bool = False
+    truth: bool = True
+
+
+class DrawnObjects:
+    """Objects in the scene of a server.
+
+    Args:
+        server: draws.
+    """
+
+    def __init__(self, server: ViserServer) -> None:
+        self._server, self._scene = server, server.scene
+        self._nodes: dict[str, Any] = {}
+        self._labels: list[Any] = []
+
+    def show(self, scene: ObjectScene, parts: Parts) -> None:
+        """Draw the objects of a frame in place of those before."""
+        shown = scene.objects if parts.boxes else ()
+        sure = [one for one in shown if one.sure]
+        unsure = [one for one in shown if not one.sure]
+        chosen = [one.corners_m for one in shown if one.key == scene.chosen]
+        truths = [one.corners_m for one in scene.truths] if parts.truth else []
+        with self._server.atomic():
+            self._boxes("sure", [one.corners_m for one in sure], [o.colour for o in sure], SURE_PX)
+            self._boxes(
+                "unsure", [o.corners_m for o in unsure], [o.colour for o in unsure], UNSURE_PX,
+                dashes=True,
+            )  # fmt: skip
+            self._boxes("chosen", chosen, [CHOSEN_COLOUR] * len(chosen), CHOSEN_PX)
+            self._boxes("truth", truths, [TRUTH_COLOUR] * len(truths), UNSURE_PX)
+            self._arrows(scene if parts.boxes else ObjectScene())
+            self._corridor(scene)
+            self._points(scene if parts.points else ObjectScene())
+            self._words(scene, parts)
+
+    def _boxes(
+        self,
+        name: str,
+        boxes: list[Float64],
+        colours: list[Colour],
+        width_px: float,
+        *,
+        dashes: bool = False,
+    ) -> None:
+        edges = edges_of(boxes)
+        drawn = dashed(edges) if dashes else edges
+        each = len(drawn) // len(boxes) if boxes else 0
+        self._lines(name, drawn, coloured(colours, each), width_px)
+
+    def _lines(self, name: str, lines: Float32, colours: UInt8, width_px: float) -> None:
+        node = self._nodes.get(name)
+        if not len(lines):
+            if node is not None:
+                node.visible = False
+            return
+        if node is None:
+            self._nodes[name] = self._scene.add_line_segments(
+                f"{NODE}/{name}", lines, colours, thickness=width_px, thickness_units="screen"
+            )
+            return
+        node.points, node.colors, node.visible = lines, colours, True
+
+    def _arrows(self, scene: ObjectScene) -> None:
+        moving = [one for one in scene.objects if one.arrow_m is not None]
+        node = self._nodes.get("arrows")
+        if not moving:
+            if node is not None:
+                node.visible = False
+            return
+        points = np.asarray([one.arrow_m for one in moving], np.float32)
+        colours = np.array([one.colour for one in moving], np.uint8)
+        if node is None:
+            self._nodes["arrows"] = self._scene.add_arrows(
+                f"{NODE}/arrows", points, colours,
+                shaft_radius=0.06, head_radius=0.18, head_length=0.4,
+            )  # fmt: skip
+            return
+        node.points, node.colors, node.visible = points, colours, True
+
+    def _corridor(self, scene: ObjectScene) -> None:
+        corridor = scene.corridor
+        lines = edges_of([] if corridor is None else [corridor.corners_m])
+        colour = FREE_COLOUR
+        if corridor is not None and corridor.nearest_m is not None:
+            colour = THING_COLOUR
+            lines = np.concatenate([lines, _cross(corridor.nearest_m)])
+        self._lines("corridor", lines, coloured([colour], len(lines)), SURE_PX)
+
+    def _points(self, scene: ObjectScene) -> None:
+        node = self._nodes.get("points")
+        if not len(scene.xyz):
+            if node is not None:
+                node.visible = False
+            return
+        if node is None:
+            self._nodes["points"] = self._scene.add_point_cloud(
+                f"{NODE}/points", scene.xyz, scene.colours, point_size=POINT_M,
+                point_shape="rounded", point_shading="flat", precision="float32",
+            )  # fmt: skip
+            return
+        node.points, node.colors, node.visible = scene.xyz, scene.colours, True
+
+    def _words(self, scene: ObjectScene, parts: Parts) -> None:
+        """Words above the nearest objects; of labels where nothing was found."""
+        if scene.objects or not parts.truth:
+            said = [(one.label, one.corners_m) for one in scene.objects if parts.boxes]
+        else:
+            said = [(one.label, one.corners_m) for one in scene.truths]
+        said = apart(said)[: parts.labels]
+        while len(self._labels) < len(said):
+            name = f"{NODE}/label_{len(self._labels)}"
+            label = self._scene.add_label(name, "", anchor="bottom-center", font_screen_scale=0.9)
+            self._labels.append(label)
+        for label, (text, corners) in zip(self._labels, said, strict=False):
+            label.text, label.position, label.visible = text, _above(corners), True
+        for label in self._labels[len(said) :]:
+            label.visible = False
+
+
+def apart(said: Sequence[tuple[str, Float64]]) -> list[tuple[str, Float64]]:
+    """Words with the (8, 3) corners they belong to, without those that would cover earlier ones."""
+    kept: list[tuple[str, Float64]] = []
+    taken: list[Float64] = []
+    for text, corners in said:
+        x, y, z = _above(corners) - EYE_M
+        at = np.degrees([math.atan2(y, x), math.atan2(z, math.hypot(x, y))])
+        if not any(bool((np.abs(at - other) < APART_DEG).all()) for other in taken):
+            kept.append((text, corners))
+            taken.append(at)
+    return kept
+
+
+def _above(corners_m: Float64) -> Float64:
+    """(3,) over the middle of a box."""
+    return np.append(corners_m[:, :2].mean(axis=0), corners_m[:, 2].max() + 0.1)
+
+
+def _cross(place_m: Float64) -> Float32:
+    """(3, 2, 3) a cross at a place."""
+    arms = np.eye(3) * (0.5 * CROSS_M)
+    return np.asarray(np.stack([place_m - arms, place_m + arms], axis=1), np.float32)

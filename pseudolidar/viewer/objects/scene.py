@@ -1,0 +1,128 @@
+"""All objects of a frame as they are drawn and told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pseudolidar.obstacles.approach import Approach
+from pseudolidar.structures.arrays import Float32, Float64, UInt8
+from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.viewer.moment import Moment, Sight
+from pseudolidar.viewer.objects.in_order import Told
+from pseudolidar.viewer.objects.objects import Objects, WatchedCorridor
+from pseudolidar.viewer.objects.shown import Band, ShownObject, ShownTruth
+
+
+@dataclass(frozen=True, eq=False)
+class ShownCorridor:
+    """A corridor.
+
+    Args:
+        corners_m: (8, 3), in the frame of the clouds.
+        nearest_m: (3,) the nearest thing in it; None where nothing is seen.
+        text: what is told of it.
+    """
+
+    corners_m: Float64
+    nearest_m: Float64 | None
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectScene:
+    """What is drawn of a frame.
+
+    Args:
+        objects: the nearest first.
+        truths: what the data set labels, the nearest first.
+        corridor: where one is watched.
+        xyz: (N, 3) points of the objects, in the frame of the clouds.
+        colours: (N, 3) of their objects.
+        chosen: key of the object that somebody chose.
+        text: what is said of all.
+    """
+
+    objects: tuple[ShownObject, ...] = ()
+    truths: tuple[ShownTruth, ...] = ()
+    corridor: ShownCorridor | None = None
+    xyz: Float32 = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    colours: UInt8 = field(default_factory=lambda: np.zeros((0, 3), np.uint8))
+    chosen: str = ""
+    text: str = ""
+
+    @property
+    def chosen_one(self) -> ShownObject | None:
+        """The object that somebody chose, where it is in this frame."""
+        return next((one for one in self.objects if one.key == self.chosen), None)
+
+
+def shown_objects(told: Told, band: Band, T_forward_camera: Float64) -> tuple[ShownObject, ...]:
+    """Those in a band, the nearest first."""
+    every = [
+        ShownObject.of(number, obstacle, T_forward_camera)
+        for number, obstacle in enumerate(told.obstacles, start=1)
+        if band.holds(obstacle)
+    ]
+    return tuple(sorted(every, key=lambda one: one.obstacle.distance_m))
+
+
+def shown_truths(moment: Moment, sight: Sight) -> tuple[ShownTruth, ...]:
+    """The labels of a frame, the nearest first."""
+    frame = None if moment.converted is None else moment.converted.frame
+    labels = frame.labels if isinstance(frame, StereoFrame) else None
+    every = (ShownTruth.of(one, sight.camera, sight.T_forward_camera) for one in labels or ())
+    found = [one for one in every if one is not None]
+    return tuple(sorted(found, key=lambda one: float(one.corners_m[:, 0].min())))
+
+
+def shown_points(
+    objects: Objects, told: Told, band: Band, T_forward_camera: Float64
+) -> tuple[Float32, UInt8]:
+    """(N, 3) points of the objects in a band, and (N, 3) their colours."""
+    seen = told.obstacles[: len(objects.obstacles)]
+    if not seen:
+        return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint8)
+    kept = np.array([band.holds(one) for one in seen])[objects.numbers]
+    palette = np.array(
+        [ShownObject.of(n, one, T_forward_camera).colour for n, one in enumerate(seen)], np.uint8
+    )
+    xyz = objects.xyz[kept] @ T_forward_camera[:3, :3].T + T_forward_camera[:3, 3]
+    return np.asarray(xyz, np.float32), palette[objects.numbers[kept]]
+
+
+def shown_corridor(
+    corridor: WatchedCorridor, approach: Approach | None, T_forward_camera: Float64
+) -> ShownCorridor:
+    """A corridor with the nearest thing in it, and when it is reached."""
+    R, t = T_forward_camera[:3, :3], T_forward_camera[:3, 3]
+    ahead, nearest = corridor.view.ahead, None
+    if ahead is not None:
+        # Axes of the corridor: where its corners differ in one of them alone.
+        origin, along = corridor.corners_m[0], corridor.corners_m[1] - corridor.corners_m[0]
+        up = corridor.corners_m[2] - origin
+        axes = np.stack([corridor.corners_m[4] - origin, up, along])
+        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+        nearest = (
+            ahead.across_m * axes[0] + ahead.up_m * axes[1] + ahead.distance_m * axes[2]
+        ) @ R.T + t
+    return ShownCorridor(corridor.corners_m @ R.T + t, nearest, corridor_text(corridor, approach))
+
+
+def corridor_text(corridor: WatchedCorridor, approach: Approach | None) -> str:
+    """The nearest thing in a corridor in words."""
+    view = corridor.view
+    if view.ahead is None:
+        said = "nothing in it" if view.state == "free" else "too little of it is seen to tell"
+        return f"Corridor: {said} ({view.seen:.0%} seen)"
+    ahead = view.ahead
+    far = f"{ahead.distance_m:.2f} ± {ahead.sigma_m:.2f} m"
+    if ahead.bound:
+        far = f"{ahead.distance_m:.2f} m or nearer"
+    if approach is None:
+        return f"Corridor: nearest thing {far}"
+    if approach.contact_s is None or approach.sigma_contact_s is None:
+        return f"Corridor: nearest thing {far}, not coming nearer"
+    when = f"{approach.contact_s:.1f} ± {approach.sigma_contact_s:.1f} s"
+    return f"Corridor: nearest thing {far}, reached in {when}"

@@ -1,0 +1,184 @@
+"""Objects of the shown frame, whoever finds them: a run that did, or a detector now."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pseudolidar.geometry.frames import R_BODY_OPTICAL
+from pseudolidar.obstacles.corridor import Corridor
+from pseudolidar.obstacles.detector import Detector
+from pseudolidar.obstacles.tracker import Tracker
+from pseudolidar.running.sighting import Seen
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.camera import LEFT_FRAME
+from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.obstacle import Obstacle
+from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
+from pseudolidar.viewer.moment import Moment
+from pseudolidar.viewer.objects.finder import Finder
+from pseudolidar.viewer.objects.in_order import InOrder, Told
+from pseudolidar.viewer.objects.objects import Find, Objects
+from pseudolidar.viewer.objects.scene import (
+    ObjectScene,
+    shown_corridor,
+    shown_objects,
+    shown_points,
+    shown_truths,
+)
+from pseudolidar.viewer.objects.shown import Band
+
+RunObjects = Mapping[str, tuple[Obstacle, ...]]
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What somebody wants to know of frames.
+
+    Args:
+        of_run: what a run found.
+        detect: who finds now; None for nobody.
+        corridor: what is watched; None for none.
+        tracker: follows what is found now; None for none.
+    """
+
+    of_run: bool = False
+    detect: Detector | None = None
+    corridor: Corridor | None = None
+    tracker: Tracker | None = None
+
+    @property
+    def searching(self) -> bool:
+        """Whether pictures are looked into."""
+        return self.detect is not None or self.corridor is not None
+
+
+class ObjectWatch:
+    """Knows the objects of frames, as far as they are found; callable from any thread.
+
+    Args:
+        sighted: a frame to what is seen in it; None where nothing can be measured.
+        run: what a run found, by frame.
+        came: told the index of each frame that objects are found in.
+    """
+
+    def __init__(
+        self,
+        sighted: Callable[[Frame], Seen] | None,
+        run: RunObjects,
+        came: Callable[[int], None],
+    ) -> None:
+        self._sighted, self._run = sighted, run
+        self._finder = Finder(came)
+        self._lock = threading.Lock()
+        self._wish = Wish()
+        self._in_order = InOrder(None)
+        self.band = Band()
+        self.chosen = ""
+
+    @property
+    def wish(self) -> Wish:
+        """What is wanted now."""
+        return self._wish
+
+    def ask(self, wish: Wish) -> None:
+        """Want something else from now on."""
+        searching = wish.searching and self._sighted is not None
+        with self._lock:
+            same = (wish.detect, wish.corridor) == (self._wish.detect, self._wish.corridor)
+            self._wish = wish
+            self._in_order = InOrder(None if wish.of_run else wish.tracker)
+        if same:
+            return
+        if searching and self._sighted is not None:
+            self._finder.change(Find(self._sighted, wish.detect, wish.corridor))
+        else:
+            self._finder.change(None)
+
+    def want(self, moments: Sequence[Moment]) -> None:
+        """Find in these, the first one first."""
+        if self._wish.searching:
+            frames = ((moment.index, _frame(moment)) for moment in moments)
+            self._finder.want([(index, frame) for index, frame in frames if frame is not None])
+
+    def ready(self, moment: Moment) -> bool:
+        """Whether all that is wanted of a frame is found."""
+        if not self._wish.searching or self._sighted is None or _frame(moment) is None:
+            return True
+        if self._finder.get(moment.index) is not None:
+            return True
+        self.want([moment])
+        return False
+
+    def scene(self, moment: Moment) -> ObjectScene:
+        """What is drawn of a frame: of what is not found yet, nothing."""
+        T = T_forward_camera(moment)
+        if T is None:
+            return ObjectScene(text=self._without_place(moment))
+        sight = moment.sight
+        truths = () if sight is None else shown_truths(moment, sight)
+        found = self._finder.get(moment.index) if self._wish.searching else None
+        objects, told = self._told(moment, found)
+        shown = shown_objects(told, self.band, T)
+        xyz, colours = shown_points(objects, told, self.band, T)
+        corridor = None
+        if found is not None and found.corridor is not None:
+            corridor = shown_corridor(found.corridor, told.approach, T)
+        text = self._text(moment, found, shown=len(shown), every=len(told.obstacles))
+        return ObjectScene(shown, truths, corridor, xyz, colours, self.chosen, text)
+
+    def close(self) -> None:
+        """Find nothing more."""
+        self._finder.close()
+
+    def _told(self, moment: Moment, found: Objects | None) -> tuple[Objects, Told]:
+        """Objects with their tracks."""
+        with self._lock:
+            objects = found or Objects()
+            told = Told(objects.obstacles)
+            if found is not None and moment.sight is not None:
+                camera = moment.sight.camera
+                told = self._in_order(moment.index, moment.timestamp_ns, objects, camera)
+        if self._wish.of_run:
+            told = replace(told, obstacles=self._run.get(moment.id, ()))
+        return objects, told
+
+    def _text(self, moment: Moment, found: Objects | None, *, shown: int, every: int) -> str:
+        if self._wish.searching and _frame(moment) is None:
+            return "Frames without pictures: nothing can be found in them."
+        if self._wish.searching and self._sighted is None:
+            return "Nothing can be measured in these frames."
+        if self._wish.searching and found is None:
+            return "looking ..."
+        if found is not None and found.fault:
+            return found.fault
+        if self._wish.detect is None and not self._wish.of_run:
+            return ""
+        hidden = f", {every - shown} more beyond the limits above" if every > shown else ""
+        return f"{shown} object{'' if shown == 1 else 's'}{hidden}"
+
+    def _without_place(self, moment: Moment) -> str:
+        if moment.fault or not (self._wish.searching or self._wish.of_run):
+            return ""
+        return "Nobody knows where these clouds are seen from: objects cannot be drawn in them."
+
+
+def T_forward_camera(moment: Moment) -> Float64 | None:
+    """(4, 4) left camera into the frame of the clouds; None where nobody knows."""
+    if moment.sight is not None:
+        return moment.sight.T_forward_camera
+    frame = None if moment.converted is None else moment.converted.frame
+    if isinstance(frame, RecordedCloud) and frame.cloud.frame == LEFT_FRAME:
+        T = np.eye(4)
+        T[:3, :3] = R_BODY_OPTICAL
+        return T
+    return None
+
+
+def _frame(moment: Moment) -> Frame | None:
+    """A frame that has pictures; None where there are only clouds, or nothing."""
+    frame = None if moment.converted is None else moment.converted.frame
+    return frame if isinstance(frame, StereoFrame | DepthFrame) else None

@@ -1,0 +1,44 @@
+"""What is seen in the last frames that somebody asked for."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from pseudolidar.running.sighting import Seen
+from pseudolidar.structures.recorded import Frame
+
+# A frame's holds about 20 MB.
+REMEMBERED = 4
+
+
+class RememberedSights:
+    """Sees in each frame once, as long as it is one of the last; callable from any thread.
+
+    Args:
+        sighted: a frame to what is seen in it.
+    """
+
+    def __init__(self, sighted: Callable[[Frame], Seen]) -> None:
+        self._sighted = sighted
+        self._lock = threading.Lock()
+        self._held: list[tuple[Frame, Seen]] = []
+
+    def __call__(self, frame: Frame) -> Seen:
+        """What is seen in a frame.
+
+        Raises:
+            PseudolidarError: as `SightFrame` does.
+        """
+        with self._lock:  # a second one that asks for the same frame waits for it
+            for held, seen in self._held:
+                if held is frame:
+                    return seen
+            seen = self._sighted(frame)
+            self._held = [(frame, seen), *self._held][:REMEMBERED]
+            return seen
+
+    def change(self, sighted: Callable[[Frame], Seen]) -> None:
+        """See by other settings from now on."""
+        with self._lock:
+            self._sighted, self._held = sighted, []
