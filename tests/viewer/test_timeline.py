@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pseudolidar.errors import StructureError
@@ -105,6 +105,7 @@ def test_no_frames_and_no_speed_are_errors():
             tenths().set_speed(speed, 0.0)
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # on busy machines
 @given(
     st.lists(st.floats(0, 2), min_size=1, max_size=20),
     st.lists(st.sampled_from(["play", "step", "back", "jump", "tick"]), max_size=40),
