@@ -51,13 +51,16 @@ class Eye:
         return np.stack([right, np.cross(ahead, right), ahead])
 
 
-def perspective(cloud: PointCloud, eye: Eye, *, point_m: float) -> UInt8:
+def perspective(
+    cloud: PointCloud, eye: Eye, *, point_m: float, largest_px: int = LARGEST_DOT_PX
+) -> UInt8:
     """(H, W, 3) RGB of a cloud as an eye sees it.
 
     Args:
         cloud: z up.
         eye: from where.
         point_m: side of a point.
+        largest_px: no point is drawn larger.
     """
     seen = (cloud.xyz - np.asarray(eye.at_m)) @ eye.axes().T
     depth = seen[:, 2]
@@ -65,7 +68,7 @@ def perspective(cloud: PointCloud, eye: Eye, *, point_m: float) -> UInt8:
     scale = eye.focal_px / depth[front]
     u = eye.width_px / 2 + seen[front, 0] * scale
     v = eye.height_px / 2 + seen[front, 1] * scale
-    dots = np.clip(np.ceil(point_m * scale), 1, LARGEST_DOT_PX).astype(np.int64)
+    dots = np.clip(np.ceil(point_m * scale), 1, largest_px).astype(np.int64)
     return _splatted(cloud, front, (u, v), -depth[front], dots, (eye.height_px, eye.width_px))
 
 
@@ -93,24 +96,16 @@ def _splatted(
     cloud: PointCloud,
     chosen: Int64,
     uv: tuple[Float64, Float64],
-    order: Float64,
+    nearness: Float64,
     dots: Int64,
     shape: tuple[int, int],
 ) -> UInt8:
-    """Points as squares; what is last in order covers what is before it."""
+    """Points as squares; what is nearer covers what is behind it."""
+    from pseudolidar.evaluation.splat_kernel import splat
+
     picture = np.full((*shape, 3), NOTHING, np.uint8)
     rgb = np.full((len(cloud), 3), UNCOLOURED, np.uint8) if cloud.rgb is None else cloud.rgb
-    turn = np.argsort(order, kind="stable")
-    column, row = (np.floor(axis[turn]).astype(np.int64) for axis in uv)
-    colour, sides = rgb[chosen[turn]], dots[turn]
-    best = np.full(shape, -1, np.int64)
-    rank = np.arange(len(turn))
-    for down in range(LARGEST_DOT_PX):
-        for right in range(LARGEST_DOT_PX):
-            x, y = column + right - sides // 2, row + down - sides // 2
-            inside = (sides > max(down, right)) & (x >= 0) & (x < shape[1]) & (y >= 0)
-            inside &= y < shape[0]
-            np.maximum.at(best, (y[inside], x[inside]), rank[inside])
-    known = best >= 0
-    picture[known] = colour[best[known]]
+    front = np.full(shape, -np.inf)
+    u, v, near = (np.ascontiguousarray(axis, np.float64) for axis in (*uv, nearness))
+    splat(picture, front, u, v, near, dots, np.ascontiguousarray(rgb[chosen]))
     return picture

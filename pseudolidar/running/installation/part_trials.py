@@ -74,6 +74,8 @@ def filters() -> str:
     from pseudolidar.clouds.normals import Normals
     from pseudolidar.clouds.outliers import Lonely
     from pseudolidar.clouds.tool import CloudTools
+    from pseudolidar.evaluation.cloud_views import Eye, perspective
+    from pseudolidar.evaluation.pictures import NOTHING
     from pseudolidar.geometry.frames import frame_tree
     from pseudolidar.geometry.normals import normals_of_neighbours
     from pseudolidar.geometry.rectified_pixels import unmasked
@@ -112,6 +114,8 @@ def filters() -> str:
     tools = CloudTools.load(Lonely(), Normals(), Beams())
     beams, _ = tools(cloud, frame_tree(trial_frame().rig))
     _check(bool(np.nanmax(np.abs(beams.extra["nz"] + 1)) < 0.01), "normals of a flat wall")
+    seen = perspective(cloud, Eye((0.0, 0.0, 0.0), (0.0, 0.01, 1.0)), point_m=0.05)
+    _check(bool((seen != NOTHING).any()), "a picture of its points")
     in_space = normals_of_neighbours(cloud.xyz[:500], np.zeros(3))
     _check(np.allclose(in_space[:, 2], -1, atol=0.01), "normals of its points in space")
     return "kernels compiled, a flat wall stayed flat"
