@@ -173,11 +173,20 @@ class Stage:
         """Clouds that are drawn, by name, each with the (4, 4) pose of its frame in the scene."""
         T_scene_rig = self._T_scene_map @ self._T_map_rig
         found = {name: (cloud, T_scene_rig) for name, cloud in self.shown.items()}
-        T_map = self._T_scene_map.copy()
-        if self._origin is not None:
-            T_map[:3, 3] -= T_map[:3, :3] @ self._origin
-        found |= {name: (cloud, T_map) for name, cloud in self._stills.items()}
+        found |= {name: (cloud, self.T_scene_map) for name, cloud in self._stills.items()}
         return {name: one for name, one in found.items() if self.look(name).visible}
+
+    @property
+    def origin_m(self) -> Float64:
+        """(3,) the place in the map that all numbers on the wire are relative to."""
+        return np.zeros(3) if self._origin is None else self._origin
+
+    @property
+    def T_scene_map(self) -> Float64:
+        """(4, 4) maps places of the map, as they are in files, into the scene."""
+        T = self._T_scene_map.copy()
+        T[:3, 3] -= T[:3, :3] @ self.origin_m
+        return T
 
     def show_box(self, box: Box3D | None) -> None:
         """Draw a box of the left camera's frame, or none."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.viewer.octree.tree import Octree
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +42,27 @@ class StillPath:
         return float(np.linalg.norm(np.diff(self.places_m, axis=0), axis=1).sum())
 
 
-Still = StillCloud | StillPath
+@dataclass(frozen=True, eq=False)
+class StillOctree:
+    """A cloud that is too large to be sent whole.
+
+    Args:
+        name: of the file.
+        tree: x forward, y left, z up.
+    """
+
+    name: str
+    tree: Octree
+
+    def coarse(self, most: int) -> StillCloud:
+        """Its coarsest levels, with at most so many points if the first level has no more."""
+        return StillCloud(self.name, self.tree.cloud(self.tree.coarsest(most)))
 
 
-def middle_m(still: Still) -> Float64:
+Still = StillCloud | StillPath | StillOctree
+
+
+def middle_m(still: StillCloud | StillPath) -> Float64:
     """(3,) a place in it, for all numbers on the wire to be relative to."""
     places = still.cloud.xyz if isinstance(still, StillCloud) else still.places_m
     if not len(places):

@@ -1,0 +1,221 @@
+"""Large clouds, drawn for each browser as finely as its own view needs."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pseudolidar.geometry.twists import inverted
+from pseudolidar.structures.arrays import Float64
+from pseudolidar.viewer.colouring import Colouring
+from pseudolidar.viewer.octree.chosen import Eye, chosen, needs_px, point_sizes_m
+from pseudolidar.viewer.octree.tree import Octree
+from pseudolidar.viewer.stage import MAP, Stage
+
+if TYPE_CHECKING:
+    from viser import CameraHandle, ClientHandle, PointCloudHandle, ViserServer
+
+_log = logging.getLogger(__name__)
+
+# Points of all large clouds that a browser draws, if nobody says otherwise.
+BUDGET_POINTS = 2_000_000
+# Of them every browser draws the coarsest ones, wherever it looks.
+SHARED_POINTS = 300_000
+# What a browser is sent before it is looked again where its camera is.
+PASS_POINTS, PAUSE_S = 300_000, 0.05
+# Points out of sight that a browser keeps, as a share of the budget; messages that may wait for it.
+KEPT_SHARE, MOST_WAITING = 0.25, 48
+# Nodes up to this half edge lose less than half a millimetre as float16.
+HALF_PRECISION_M = 2.0
+
+Node = tuple[str, int]
+
+
+@dataclass
+class Looker:
+    """What a browser has.
+
+    Args:
+        client: to draw for.
+        has: nodes of viser by octree and number, the longest unused first.
+        coloured: how the nodes of each octree were coloured.
+    """
+
+    client: ClientHandle
+    has: dict[Node, PointCloudHandle] = field(default_factory=dict)
+    coloured: dict[str, Colouring] = field(default_factory=dict)
+
+
+class DrawnOctrees:
+    """Draws, in a thread of its own, what browsers look at.
+
+    Args:
+        server: of the browsers.
+        stage: draws the coarsest points, and says how they look.
+        trees: by name.
+    """
+
+    def __init__(self, server: ViserServer, stage: Stage, trees: Mapping[str, Octree]) -> None:
+        self._server, self._stage, self._trees = server, stage, trees
+        self._shared = {name: tree.coarsest(SHARED_POINTS) for name, tree in trees.items()}
+        self._lookers: dict[int, Looker] = {}
+        self._awake, self._ended = threading.Event(), threading.Event()
+        self.budget = BUDGET_POINTS
+        self._thread: threading.Thread | None = None
+        if trees:
+            server.on_client_connect(self._connected)
+            server.on_client_disconnect(self._gone)
+            self._thread = threading.Thread(target=self._run, name="octrees", daemon=True)
+            self._thread.start()
+
+    def wake(self) -> None:
+        """Look again what is to be drawn: something has changed."""
+        self._awake.set()
+
+    def close(self) -> None:
+        """Draw nothing more."""
+        self._ended.set()
+        self._awake.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def drawn_points(self, client_id: int) -> int:
+        """How many points a browser draws besides those that all of them draw."""
+        looker = self._lookers.get(client_id)
+        shown = [] if looker is None else [n for n, h in list(looker.has.items()) if h.visible]
+        return sum(self._count(node) for node in shown)
+
+    def _connected(self, client: ClientHandle) -> None:
+        self._lookers[client.client_id] = Looker(client)
+
+        # In the loop of viser itself, since it only leaves word.
+        async def moved(_: CameraHandle) -> None:
+            self._awake.set()
+
+        client.camera.on_update(moved)
+        self._awake.set()
+
+    def _gone(self, client: ClientHandle) -> None:
+        self._lookers.pop(client.client_id, None)
+
+    def _run(self) -> None:
+        while not self._ended.is_set():
+            self._awake.wait()
+            self._awake.clear()
+            more = False
+            for looker in list(self._lookers.values()):
+                try:
+                    more |= self._draw(looker)
+                except Exception:  # one that is gone, or odd, must not keep others from drawing
+                    _log.exception("octrees cannot be drawn for a browser")
+            if more and not self._ended.wait(PAUSE_S):
+                self._awake.set()
+
+    def _draw(self, looker: Looker) -> bool:
+        """Send what is missing most; whether something is missing still."""
+        if _waiting(looker.client) > MOST_WAITING:
+            return True
+        wanted, sizes_m = self._wanted(looker.client)
+        self._recolour(looker)
+        sent, missing = 0, False
+        for node in wanted:
+            if node not in looker.has:
+                missing = sent >= PASS_POINTS
+                if missing:
+                    break
+                looker.has[node] = self._add(looker.client, node, sizes_m[node])
+                sent += self._count(node)
+        for node, handle in looker.has.items():
+            handle.visible = node in sizes_m
+            if node in sizes_m:
+                handle.point_size = sizes_m[node]
+        self._forget(looker, wanted)
+        return missing
+
+    def _wanted(self, client: ClientHandle) -> tuple[list[Node], dict[Node, float]]:
+        """Nodes that a view needs, the most needed first, and the sides of their points, m."""
+        names = [name for name in self._trees if self._stage.look(name).visible]
+        eye = self._eye(client)
+        if eye is None or not names:
+            return [], {}
+        trees = [self._trees[name] for name in names]
+        needs = [needs_px(tree, eye) for tree in trees]
+        budget = self.budget
+        for name, need in zip(names, needs, strict=True):
+            need[self._shared[name]] = 0
+            budget -= int(self._trees[name].nodes["count"][self._shared[name]].sum())
+        counts = np.concatenate([tree.nodes["count"] for tree in trees])
+        found = chosen(np.concatenate(needs), counts, max(budget, 0))
+        starts = np.cumsum([0] + [len(tree.nodes) for tree in trees])
+        which = np.searchsorted(starts, found, side="right") - 1
+        sizes: dict[Node, float] = {}
+        for place, (name, tree) in enumerate(zip(names, trees, strict=True)):
+            numbers = found[which == place] - starts[place]
+            sides_m = point_sizes_m(tree, numbers, self._stage.look(name).point_m)
+            for number, side_m in zip(numbers.tolist(), sides_m.tolist(), strict=True):
+                sizes[name, number] = side_m
+        order = [(names[k], int(n - starts[k])) for k, n in zip(which, found, strict=True)]
+        return order, sizes
+
+    def _eye(self, client: ClientHandle) -> Eye | None:
+        camera = client.camera
+        return Eye.of(
+            wxyz=np.array(camera.wxyz),
+            position_m=np.array(camera.position),
+            fov=camera.fov,
+            width_px=camera.image_width,
+            height_px=camera.image_height,
+            T_map_scene=inverted(self._stage.T_scene_map),
+        )
+
+    def _add(self, client: ClientHandle, node: Node, side_m: float) -> PointCloudHandle:
+        name, number = node
+        tree = self._trees[name]
+        small = tree.half_m[number] <= HALF_PRECISION_M
+        place: Float64 = tree.middles_m[number] - self._stage.origin_m
+        return client.scene.add_point_cloud(
+            f"{MAP}/{name}/{number}",
+            tree.spread_m(number),
+            self._stage.look(name).colouring.colours(tree.cloud([number])),
+            point_size=side_m,
+            point_shape="rounded",
+            point_shading="flat",
+            precision="float16" if small else "float32",
+            position=place,
+        )
+
+    def _recolour(self, looker: Looker) -> None:
+        for name, tree in self._trees.items():
+            colouring = self._stage.look(name).colouring
+            if looker.coloured.get(name, colouring) != colouring:
+                for (of, number), handle in looker.has.items():
+                    if of == name:
+                        handle.colors = colouring.colours(tree.cloud([number]))
+            looker.coloured[name] = colouring
+
+    def _forget(self, looker: Looker, wanted: list[Node]) -> None:
+        """Take from a browser what it has not drawn for the longest time."""
+        for node in wanted:
+            if node in looker.has:
+                looker.has[node] = looker.has.pop(node)  # used last
+        held = sum(map(self._count, looker.has))
+        most = self.budget * (1 + KEPT_SHARE)
+        for node in [node for node, handle in looker.has.items() if not handle.visible]:
+            if held <= most:
+                return
+            looker.has.pop(node).remove()
+            held -= self._count(node)
+
+    def _count(self, node: Node) -> int:
+        name, number = node
+        return int(self._trees[name].nodes["count"][number])
+
+
+def _waiting(client: Any) -> int:
+    """Messages that a browser has not taken yet; viser has no public name for them."""
+    return len(client._websock_connection.get_message_buffer().message_from_id)
