@@ -201,7 +201,7 @@ def run(job: View) -> ViewReport:
     opened = Opening(reel_of, job.reel_of_run).all_of(job.paths)
     asked = Asked(job.detector, job.corridor)
     if job.export is not None:
-        with App.made(Address(port=0), opened, sighted(opened), asked) as app:
+        with App.made(Address(port=0), opened.in_one_file(), sighted(opened), asked) as app:
             export(app, job.export)
         return ViewReport(job.export)
     shop = workshop(job, *made[0]) if made and opened.reels[0] is made[0][0] else None

@@ -10,10 +10,12 @@ from typing import Any, Self
 from pseudolidar.running.sighting import Seen
 from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.address import Address
+from pseudolidar.viewer.drawn_octrees import DrawnOctrees
 from pseudolidar.viewer.drawn_path import DrawnPath
 from pseudolidar.viewer.live_reel import LiveReel
 from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.panels.compare import ComparePanel
+from pseudolidar.viewer.panels.detail import DetailPanel
 from pseudolidar.viewer.panels.export import ExportPanel
 from pseudolidar.viewer.panels.help import HelpPanel
 from pseudolidar.viewer.panels.hue import HuePanel
@@ -27,6 +29,7 @@ from pseudolidar.viewer.panels.tune import TunePanel
 from pseudolidar.viewer.reel import NoFrames, SourceReel
 from pseudolidar.viewer.remembered import RememberedSights
 from pseudolidar.viewer.server import GuardedServer, serve
+from pseudolidar.viewer.stills import StillOctree
 from pseudolidar.viewer.tuning.tuner import Workshop
 from pseudolidar.viewer.view import View
 
@@ -61,6 +64,9 @@ class App:
         self.view = View(server, reel)
         for still in opened.stills:
             self.view.stage.put(still)
+        trees = {s.name: s.tree for s in opened.stills if isinstance(s, StillOctree)}
+        self.octrees = DrawnOctrees(server.viser, self.view.stage, trees)
+        self.view.on_shown(lambda _: self.octrees.wake())
         self._look_from()
         self.view.set_theme(dark=True)
         self.run = RunPanel(self.view, reel) if isinstance(reel, LiveReel) else None
@@ -94,6 +100,7 @@ class App:
         tab = {name: tabs.add_tab(name) for name in names}
         with tab["Scene"]:
             self.scene = ScenePanel(self.view)
+            self.detail = DetailPanel(self.view, self.octrees)
         if workshop is not None and isinstance(reel, SourceReel):
             with tab["Tune"]:
                 self.tune = TunePanel(self.view, reel, workshop, self.picture)
@@ -157,6 +164,7 @@ class App:
         try:
             yield app
         finally:
+            app.octrees.close()
             app.view.stop()
 
     @property

@@ -15,7 +15,8 @@ from pseudolidar.structures.arrays import Float64
 from pseudolidar.viewer.colouring import Colouring
 from pseudolidar.viewer.octree.chosen import Eye, chosen, needs_px, point_sizes_m
 from pseudolidar.viewer.octree.tree import Octree
-from pseudolidar.viewer.stage import MAP, Stage
+from pseudolidar.viewer.stage import MAP, STILL_LOOK, Stage
+from pseudolidar.viewer.stills import SHARED_POINTS
 
 if TYPE_CHECKING:
     from viser import CameraHandle, ClientHandle, PointCloudHandle, ViserServer
@@ -24,8 +25,6 @@ _log = logging.getLogger(__name__)
 
 # Points of all large clouds that a browser draws, if nobody says otherwise.
 BUDGET_POINTS = 2_000_000
-# Of them every browser draws the coarsest ones, wherever it looks.
-SHARED_POINTS = 300_000
 # What a browser is sent before it is looked again where its camera is.
 PASS_POINTS, PAUSE_S = 300_000, 0.05
 # Points out of sight that a browser keeps, as a share of the budget; messages that may wait for it.
@@ -72,6 +71,11 @@ class DrawnOctrees:
             server.on_client_disconnect(self._gone)
             self._thread = threading.Thread(target=self._run, name="octrees", daemon=True)
             self._thread.start()
+
+    @property
+    def points(self) -> int:
+        """Of all large clouds."""
+        return sum(map(len, self._trees.values()))
 
     def wake(self) -> None:
         """Look again what is to be drawn: something has changed."""
@@ -156,7 +160,8 @@ class DrawnOctrees:
         sizes: dict[Node, float] = {}
         for place, (name, tree) in enumerate(zip(names, trees, strict=True)):
             numbers = found[which == place] - starts[place]
-            sides_m = point_sizes_m(tree, numbers, self._stage.look(name).point_m)
+            share = self._stage.look(name).point_m / STILL_LOOK.point_m
+            sides_m = share * point_sizes_m(tree, numbers)
             for number, side_m in zip(numbers.tolist(), sides_m.tolist(), strict=True):
                 sizes[name, number] = side_m
         order = [(names[k], int(n - starts[k])) for k, n in zip(which, found, strict=True)]

@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 
 import numpy as np
 
 from pseudolidar.errors import PseudolidarError, SourceUnknown
 from pseudolidar.formats.obstacle_json import read_obstacles
-from pseudolidar.formats.points.cloud_file import is_cloud_file, read_cloud
+from pseudolidar.formats.points.cloud_file import is_cloud_file
 from pseudolidar.formats.trajectory_file import (
     KITTI_VERTICAL,
     POSE_SUFFIXES,
     read_trajectory,
     trajectory_form,
 )
-from pseudolidar.geometry.cloud_frames import turned_forward
 from pseudolidar.geometry.frames import R_BODY_OPTICAL
 from pseudolidar.sources.cloud_files import CloudFiles
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.structures.obstacle import Obstacle
+from pseudolidar.viewer.large import MOST_WHOLE, StillClouds
 from pseudolidar.viewer.reel import Reel
-from pseudolidar.viewer.stills import Still, StillCloud, StillPath
+from pseudolidar.viewer.stills import Still, StillOctree, StillPath
 
 RUN_FILE = "run.json"
 # What `map` leaves, and the path in it: the map's own form of it, not the camera's.
@@ -33,6 +35,8 @@ MAP_STEM, PATH_NAME = "map", "trajectory.tum"
 OBJECTS_NAME = "obstacles.jsonl"
 # Folders of clouds that `convert` writes, the one that keeps most first.
 CLOUD_FOLDERS = ("npz", "pcd", "ply", "bin")
+# The squares of a map, as `map` names them.
+TILE_FOLDER, TILE_STEM = "tiles", re.compile(r"-?[0-9]+_-?[0-9]+")
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,11 @@ class Opened:
         """Nothing at all."""
         return not self.reels and not self.stills
 
+    def in_one_file(self) -> Opened:
+        """What goes into a file that cannot ask for more: of large clouds the coarsest points."""
+        octrees = (s.coarse(MOST_WHOLE) if isinstance(s, StillOctree) else s for s in self.stills)
+        return Opened(self.reels, tuple(octrees))
+
 
 @dataclass
 class Opening:
@@ -62,10 +71,12 @@ class Opening:
     Args:
         reel_of: a source to its sequence.
         reel_of_run: folder of a run to the sequence that it looked at; None where that is gone.
+        clouds: reads clouds.
     """
 
     reel_of: Callable[[Source], Reel]
     reel_of_run: Callable[[Path], Reel | None] = lambda _folder: None
+    clouds: StillClouds = field(default_factory=StillClouds)
     _reels: list[Reel] = field(default_factory=list)
     _stills: list[Still] = field(default_factory=list)
     _objects: dict[str, tuple[Obstacle, ...]] = field(default_factory=dict)
@@ -85,11 +96,12 @@ class Opening:
         place = Path(path)
         if place.is_dir() and (place / RUN_FILE).is_file():
             self._open_run(place)
+        elif place.is_dir() and (tiles := _tiles(place)):
+            self._stills.append(self.clouds.read(self._name(place), tiles))
         elif place.is_file() and is_cloud_file(place):
-            cloud = turned_forward(read_cloud(place))
-            self._stills.append(StillCloud(place.name, cloud[cloud.valid]))
+            self._stills.append(self.clouds.read(self._name(place), [place]))
         elif place.is_file() and _is_path(place):
-            self._stills.append(_path_of(place))
+            self._stills.append(_path_of(place, self._name(place)))
         else:
             self._reels.append(self.reel_of(recognise(path)))
 
@@ -111,16 +123,31 @@ class Opening:
         for part in found:
             self._open(str(part))
 
+    def _name(self, place: Path) -> str:
+        """What a file is called here: no two alike."""
+        taken = {still.name for still in self._stills}
+        names = (place.name if n == 1 else f"{place.name} ({n})" for n in count(1))
+        return next(name for name in names if name not in taken)
+
 
 def _of_run(folder: Path) -> Iterator[Path]:
     """What is to be looked at of a run's folder: its map and path, or its clouds or recording."""
     maps = [file for file in sorted(folder.glob(f"{MAP_STEM}.*")) if is_cloud_file(file)]
-    yield from maps[:1]
+    yield from maps[:1] or ([folder / TILE_FOLDER] if _tiles(folder / TILE_FOLDER) else [])
     if (folder / PATH_NAME).is_file():
         yield folder / PATH_NAME
     clouds = [folder / name for name in CLOUD_FOLDERS if CloudFiles.looks_like(folder / name)]
     recordings = [file for file in sorted(folder.iterdir()) if Recording.looks_like(file)]
     yield from (clouds or recordings)[:1]
+
+
+def _tiles(folder: Path) -> list[Path]:
+    """The squares of a map in one format, if a folder holds nothing else."""
+    files = sorted(folder.iterdir()) if folder.is_dir() else []
+    if not files or not all(TILE_STEM.fullmatch(file.stem) for file in files):
+        return []
+    kinds = [[f for f in files if f.suffix.lower() == f".{kind}"] for kind in CLOUD_FOLDERS]
+    return next((kind for kind in kinds if kind), [])
 
 
 def _is_path(place: Path) -> bool:
@@ -132,10 +159,10 @@ def _is_path(place: Path) -> bool:
         return False
 
 
-def _path_of(place: Path) -> StillPath:
+def _path_of(place: Path, name: str) -> StillPath:
     """Places of a file of poses; KITTI's are turned from a camera's axes to x forward, z up."""
     record = read_trajectory(place)
     places = record.T_world_body[:, :3, 3]
     if record.vertical == KITTI_VERTICAL:
         places = places @ R_BODY_OPTICAL.T
-    return StillPath(place.name, np.ascontiguousarray(places))
+    return StillPath(name, np.ascontiguousarray(places))

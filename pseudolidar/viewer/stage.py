@@ -16,7 +16,7 @@ from pseudolidar.structures.box import BOX_EDGES, Box3D
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring, Scale
 from pseudolidar.viewer.moment import Moment, Sight
-from pseudolidar.viewer.stills import Still, StillCloud, middle_m
+from pseudolidar.viewer.stills import Still, StillCloud, StillOctree, middle_m
 from pseudolidar.viewer.thinned import thinned
 
 if TYPE_CHECKING:
@@ -88,7 +88,9 @@ class Stage:
         self.shown: dict[str, PointCloud] = {}
 
     def put(self, still: Still) -> None:
-        """Draw what does not change; it stays."""
+        """Draw what does not change; it stays. Of a large cloud what all browsers draw."""
+        if isinstance(still, StillOctree):
+            still = still.coarse()
         if self._origin is None:
             self._origin = middle_m(still)
         if isinstance(still, StillCloud):

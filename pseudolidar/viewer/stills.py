@@ -10,6 +10,9 @@ from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.octree.tree import Octree
 
+# Of a large cloud every browser draws the coarsest points, wherever it looks.
+SHARED_POINTS = 300_000
+
 
 @dataclass(frozen=True, eq=False)
 class StillCloud:
@@ -23,6 +26,11 @@ class StillCloud:
     name: str
     cloud: PointCloud
 
+    @property
+    def amount(self) -> str:
+        """How much there is of it, in words."""
+        return f"{len(self.cloud):,} points"
+
 
 @dataclass(frozen=True, eq=False)
 class StillPath:
@@ -35,6 +43,11 @@ class StillPath:
 
     name: str
     places_m: Float64
+
+    @property
+    def amount(self) -> str:
+        """How much there is of it, in words."""
+        return f"a path of {self.length_m:.1f} m"
 
     @property
     def length_m(self) -> float:
@@ -54,7 +67,12 @@ class StillOctree:
     name: str
     tree: Octree
 
-    def coarse(self, most: int) -> StillCloud:
+    @property
+    def amount(self) -> str:
+        """How much there is of it, in words."""
+        return f"{len(self.tree):,} points, the near ones drawn finely"
+
+    def coarse(self, most: int = SHARED_POINTS) -> StillCloud:
         """Its coarsest levels, with at most so many points if the first level has no more."""
         return StillCloud(self.name, self.tree.cloud(self.tree.coarsest(most)))
 

@@ -139,15 +139,19 @@ def obstacles() -> str:
 
 
 def clouds() -> str:
-    """Write and read a point cloud, compressed too."""
+    """Write and read a point cloud, compressed too; put its points into an octree."""
     from pseudolidar.formats.points.pcd import read_pcd, write_pcd
+    from pseudolidar.geometry.octree import octree_order
 
     cloud = PointCloud(np.random.default_rng(_SEED).random((500, 3), np.float32), "camera_left")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "trial.pcd"
         write_pcd(path, cloud, encoding="binary_compressed")
         _check(np.array_equal(read_pcd(path).xyz, cloud.xyz), "PCD")
-    return "PCD written and read"
+    for dtype in (np.float32, np.float64):
+        order = octree_order(cloud.xyz.astype(dtype)).order
+        _check(np.array_equal(np.sort(order), np.arange(len(cloud))), "points of an octree")
+    return "PCD written and read, an octree built"
 
 
 def recordings() -> str:

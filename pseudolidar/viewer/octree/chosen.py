@@ -102,8 +102,8 @@ class Eye:
 def within(tree: Octree, sides: tuple[Float64, Float64]) -> Bool:
     """(M,) whether a node may have points within planes of `Eye.sides`."""
     normals, offsets = sides
-    reach = np.abs(normals).sum(axis=1)
-    inside = tree.middles_m @ normals.T + offsets + tree.half_m[:, None] * reach
+    middles, halves = tree.boxes_m
+    inside = middles @ normals.T + offsets + halves @ np.abs(normals).T
     return np.asarray((inside >= 0).all(axis=1))
 
 
@@ -113,10 +113,10 @@ def needs_px(tree: Octree, eye: Eye) -> Float64:
     That of a node is never below that of one that it is part of: in the order of their needs,
     coarse ones come before the fine ones that they hold.
     """
-    half = tree.half_m
-    beside = np.maximum(np.abs(tree.middles_m - eye.position_m) - half[:, None], 0)
-    near_m = np.maximum(np.linalg.norm(beside, axis=1), NEAREST_SHARE * half)
-    spacing_m = 2 * tree.shape.spacing_m(tree.nodes["level"])
+    middles, halves = tree.boxes_m
+    beside = np.maximum(np.abs(middles - eye.position_m) - halves, 0)
+    near_m = np.maximum(np.linalg.norm(beside, axis=1), NEAREST_SHARE * tree.half_m)
+    spacing_m = 2 * tree.cube.spacing_m(tree.nodes["level"])
     return np.where(within(tree, eye.sides()), spacing_m * eye.focal_px / near_m, 0.0)
 
 
@@ -135,19 +135,21 @@ def chosen(needs: Float64, counts: Int64, budget: int) -> Int64:
     return np.asarray(order[fitting])
 
 
-def point_sizes_m(tree: Octree, drawn: Int64, smallest_m: float) -> Float64:
-    """(D,) sides of the points of drawn nodes: so large that surfaces close, if nothing finer does.
+def point_sizes_m(tree: Octree, drawn: Int64) -> Float64:
+    """(D,) sides that the points of drawn nodes need to close the surfaces that they lie on.
 
     Args:
         tree: with D drawn nodes among its M.
         drawn: (D,) their numbers.
-        smallest_m: what a point has where points lie closest.
     """
-    parents = tree.parents
-    whole = np.bincount(parents[parents >= 0], minlength=len(parents)) == 0
-    sizes_m = np.where(whole, smallest_m, tree.shape.spacing_m(tree.nodes["level"]))
-    for number in sorted(drawn.tolist(), reverse=True):
+    parents, numbers = tree.parents, drawn.tolist()
+    sizes_m = np.asarray(tree.cube.spacing_m(tree.nodes["level"]))
+    for number in numbers:
+        if tree.whole[number]:
+            sizes_m[number] = tree.apart_m(number)
+    # Coarse points lie among the fine ones of the nodes below.
+    for number in sorted(numbers, reverse=True):
         above = int(parents[number])
         if above >= 0:
             sizes_m[above] = min(sizes_m[above], sizes_m[number])
-    return np.maximum(sizes_m[drawn], smallest_m)
+    return np.asarray(sizes_m[drawn])

@@ -25,10 +25,11 @@ from pseudolidar.formats.atomic import (
     write_all,
 )
 from pseudolidar.formats.checksum import crc32
+from pseudolidar.geometry.octree import NODE, OctreeCube, octree_order
 from pseudolidar.structures.arrays import AnyArray
 from pseudolidar.structures.cloud import PointCloud
-from pseudolidar.viewer.octree.build import columns_of, planned
-from pseudolidar.viewer.octree.tree import NODE, RGB, Octree, OctreeShape
+from pseudolidar.viewer.octree.build import column, columns_of, places
+from pseudolidar.viewer.octree.tree import RGB, Octree
 
 _log = logging.getLogger(__name__)
 
@@ -39,6 +40,12 @@ FORM = 1
 MOST_BYTES, LEFT_S = 8 << 30, 86_400.0
 FACTS, NODES, PLACES = "octree.json", "nodes", "places"
 CHECKED_BYTES = 1 << 24
+# Files that hold something other than one float32 a point.
+FORMS: dict[str, tuple[np.dtype[Any], tuple[int, ...]]] = {
+    NODES: (NODE, ()),
+    PLACES: (np.dtype("<f4"), (3,)),
+    RGB: (np.dtype("u1"), (3,)),
+}
 
 
 def octree_folder() -> Path:
@@ -81,8 +88,8 @@ class OctreeStore:
         try:
             facts = json.loads((place / FACTS).read_bytes())
             arrays = {name: _mapped(place, name, facts) for name in facts["files"]}
-            shape = OctreeShape(**facts["shape"])
-            tree = Octree(shape, arrays.pop(NODES), arrays.pop(PLACES), arrays)
+            cube, frame = OctreeCube(**facts["cube"]), str(facts["frame"])
+            tree = Octree(cube, frame, arrays.pop(NODES), arrays.pop(PLACES), arrays)
             _check(tree)
             os.utime(place)
         except FileNotFoundError:
@@ -129,12 +136,12 @@ class OctreeStore:
 
 
 def _write(folder: Path, cloud: PointCloud) -> None:
-    plan, columns = planned(cloud), columns_of(cloud)
-    files: dict[str, Any] = {NODES: _written(folder / NODES, [plan.nodes])}
-    files[PLACES] = _written(folder / PLACES, plan.places(cloud))
-    for name, values in columns.items():
-        files[name] = _written(folder / name, plan.column(values))
-    facts = {"shape": asdict(plan.shape), "files": files}
+    found = octree_order(cloud.xyz)
+    files: dict[str, Any] = {NODES: _written(folder / NODES, [found.nodes])}
+    files[PLACES] = _written(folder / PLACES, places(found, cloud))
+    for name, values in columns_of(cloud).items():
+        files[name] = _written(folder / name, column(found, values))
+    facts = {"cube": asdict(found.cube), "frame": cloud.frame, "files": files}
     _written(folder / FACTS, [np.frombuffer(json.dumps(facts).encode(), np.uint8)])
 
 
@@ -143,7 +150,7 @@ def _written(path: Path, parts: Iterator[AnyArray] | Sequence[AnyArray]) -> dict
     rows, checksum = 0, 0
     with path.open("xb") as file:
         for part in parts:
-            data = memoryview(np.ascontiguousarray(part)).cast("B")
+            data = _bytes(part)
             write_all(file, data)
             rows, checksum = rows + len(part), crc32(data, checksum)
         file.flush()
@@ -159,22 +166,20 @@ def _mapped(folder: Path, name: str, facts: dict[str, Any]) -> AnyArray:
         OSError: it cannot be read.
     """
     said = facts["files"][name]
-    rows, dtype = int(said["rows"]), np.dtype(np.float32)
-    shape: tuple[int, ...] = (rows,)
-    if name == NODES:
-        dtype = NODE
-    elif name == PLACES:
-        shape = (rows, 3)
-    elif name == RGB:
-        dtype, shape = np.dtype(np.uint8), (rows, 3)
-    array = np.memmap(folder / Path(name).name, dtype, "r", shape=shape)
-    data, checksum = memoryview(array).cast("B"), 0
+    dtype, width = FORMS.get(name, (np.dtype("<f4"), ()))
+    shape = (int(said["rows"]), *width)
+    array: AnyArray = np.memmap(folder / Path(name).name, dtype, "r", shape=shape)
+    data, checksum = _bytes(array), 0
     for start in range(0, len(data), CHECKED_BYTES):
         checksum = crc32(data[start : start + CHECKED_BYTES], checksum)
     whole = (folder / Path(name).name).stat().st_size == array.nbytes
     if not whole or checksum != said["crc32"]:
         raise ValueError(f"{name} is not what was written")
     return array
+
+
+def _bytes(array: AnyArray) -> memoryview:
+    return np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
 
 
 def _check(tree: Octree) -> None:

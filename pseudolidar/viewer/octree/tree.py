@@ -8,34 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from pseudolidar.structures.arrays import AnyArray, Float32, Float64, Int64, UInt8
+from pseudolidar.geometry.octree import OctreeCube
+from pseudolidar.structures.arrays import AnyArray, Bool, Float32, Float64, Int64, UInt8
 from pseudolidar.structures.cloud import PointCloud
 
-# What is known of a node: its level, the cell of that level, and its points.
-NODE = np.dtype([("level", "u1"), ("cell", "<i4", (3,)), ("start", "<i8"), ("count", "<i8")])
 # The optional columns of a cloud by the names that they have in an octree.
 RGB, SIGMA, INTENSITY, EXTRA = "rgb", "sigma_m", "intensity", "extra."
-
-
-@dataclass(frozen=True)
-class OctreeShape:
-    """The cube of an octree.
-
-    Args:
-        low_m: its corner in the frame of the cloud.
-        size_m: its edge.
-        grid: a node holds about one point in each of 2^grid cells along an edge.
-        frame: coordinate frame.
-    """
-
-    low_m: tuple[float, float, float]
-    size_m: float
-    grid: int
-    frame: str
-
-    def spacing_m(self, level: AnyArray | int) -> AnyArray | float:
-        """How far apart points of a level are."""
-        return np.asarray(self.size_m * 0.5 ** (np.asarray(level) + self.grid))
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,13 +21,15 @@ class Octree:
     """Points of all levels. To draw a cube finely is to draw all nodes above it as well.
 
     Args:
-        shape: its cube.
-        nodes: (M,) of dtype `NODE`, the coarsest first.
+        cube: around all.
+        frame: coordinate frame.
+        nodes: (M,) of dtype `geometry.octree.NODE`, the coarsest first.
         places: (N, 3) float32 m from the middle of each point's node.
         columns: rgb (N, 3) uint8; others (N,) float32.
     """
 
-    shape: OctreeShape
+    cube: OctreeCube
+    frame: str
     nodes: AnyArray
     places: Float32
     columns: Mapping[str, AnyArray]
@@ -60,13 +40,27 @@ class Octree:
     @cached_property
     def half_m(self) -> Float64:
         """(M,) half an edge of each node."""
-        return np.asarray(self.shape.size_m * 0.5 ** (self.nodes["level"] + 1.0))
+        return self.cube.half_m(self.nodes["level"])
 
     @cached_property
     def middles_m(self) -> Float64:
         """(M, 3) middle of each node in the frame of the cloud."""
-        half = self.half_m[:, None]
-        return np.asarray(self.shape.low_m + (2 * self.nodes["cell"] + 1) * half)
+        return self.cube.middles_m(self.nodes)
+
+    @cached_property
+    def boxes_m(self) -> tuple[Float64, Float64]:
+        """(M, 3) middles and (M, 3) half edges of what is filled of nodes and all below them."""
+        if not len(self.nodes):
+            return np.zeros((0, 3)), np.zeros((0, 3))
+        starts = self.nodes["start"]
+        low = self.middles_m + np.minimum.reduceat(self.places, starts, axis=0)
+        high = self.middles_m + np.maximum.reduceat(self.places, starts, axis=0)
+        for number in range(len(starts) - 1, -1, -1):
+            above = self.parents[number]
+            if above >= 0:
+                low[above] = np.minimum(low[above], low[number])
+                high[above] = np.maximum(high[above], high[number])
+        return 0.5 * (low + high), 0.5 * (high - low)
 
     @cached_property
     def parents(self) -> Int64:
@@ -79,6 +73,26 @@ class Octree:
             above = ((level - k, x >> k, y >> k, z >> k) for k in range(1, level + 1))
             parents[number] = next((known[key] for key in above if key in known), -1)
         return parents
+
+    @cached_property
+    def whole(self) -> Bool:
+        """(M,) nodes that nothing finer lies in."""
+        above = self.parents[self.parents >= 0]
+        return np.asarray(np.bincount(above, minlength=len(self.nodes)) == 0)
+
+    def apart_m(self, number: int) -> float:
+        """How far apart the points of a node are, as they follow one another in it."""
+        known = self._apart_m
+        if number not in known:
+            steps = np.diff(self.spread_m(number), axis=0)
+            nominal_m = float(self.cube.spacing_m(self.nodes["level"][number]))
+            far_m = np.linalg.norm(steps, axis=1)
+            known[number] = min(float(np.median(far_m)), nominal_m) if len(far_m) else nominal_m
+        return known[number]
+
+    @cached_property
+    def _apart_m(self) -> dict[int, float]:
+        return {}
 
     def spread_m(self, number: int) -> Float32:
         """(n, 3) points of a node from its middle."""
@@ -104,7 +118,7 @@ class Octree:
         rgb: UInt8 | None = columns.get(RGB)
         return PointCloud(
             self.middles_m[numbers] + self.places[rows],
-            self.shape.frame,
+            self.frame,
             rgb=rgb,
             intensity=columns.get(INTENSITY),
             sigma_m=columns.get(SIGMA),
@@ -112,8 +126,10 @@ class Octree:
         )
 
     def coarsest(self, most: int) -> Int64:
-        """Numbers of the nodes of as many whole levels as have at most so many points; the first
-        level always."""
+        """Numbers of the nodes of as many whole levels as have at most so many points.
+
+        The first level is always among them.
+        """
         levels = self.nodes["level"]
         points = np.bincount(levels, self.nodes["count"])
         fitting = np.flatnonzero(np.cumsum(points) <= most)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.panels.time import escaped
-from pseudolidar.viewer.stills import StillCloud
 from pseudolidar.viewer.view import View
 
 KEYS = """
@@ -60,10 +59,5 @@ def listed(opened: Opened) -> str:
     """What is open, a line each."""
     lines = [f"- {escaped(reel.name)}: {len(reel.ids)} frames" for reel in opened.reels]
     for still in opened.stills:
-        amount = (
-            f"{len(still.cloud):,} points"
-            if isinstance(still, StillCloud)
-            else f"a path of {still.length_m:.1f} m"
-        )
-        lines.append(f"- {escaped(still.name)}: {amount}")
+        lines.append(f"- {escaped(still.name)}: {still.amount}")
     return "\n".join(lines)

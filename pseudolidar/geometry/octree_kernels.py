@@ -16,7 +16,7 @@ NOWHERE = 0xFFFF_FFFF_FFFF_FFFF
 
 
 @_kernel
-def _spread(value: int) -> int:
+def _spread(value: int) -> np.uint64:
     """21 bits with two zeros between each."""
     x = np.uint64(value) & np.uint64(0x1FFFFF)
     x = (x | (x << np.uint64(32))) & np.uint64(0x1F00000000FFFF)
@@ -65,9 +65,7 @@ def morton_codes(xyz: AnyArray, low: AnyArray, size: float, out: AnyArray) -> No
         a = min(max(int(x), 0), cells - 1)
         b = min(max(int(y), 0), cells - 1)
         c = min(max(int(z), 0), cells - 1)
-        out[i] = (
-            (_spread(a) << np.uint64(2)) | (_spread(b) << np.uint64(1)) | _spread(c)
-        )
+        out[i] = (_spread(a) << np.uint64(2)) | (_spread(b) << np.uint64(1)) | _spread(c)
 
 
 @_kernel

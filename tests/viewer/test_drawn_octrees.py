@@ -1,0 +1,137 @@
+"""Large clouds in a real browser, and for browsers that take nothing."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page
+
+from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.viewer.address import Address
+from pseudolidar.viewer.app import App
+from pseudolidar.viewer.colouring import Colouring
+from pseudolidar.viewer.drawn_octrees import MOST_WAITING, Looker
+from pseudolidar.viewer.octree.build import built
+from pseudolidar.viewer.opening import Opened
+from pseudolidar.viewer.stills import SHARED_POINTS, StillOctree
+
+COUNT = 700_000
+NAME = "map.ply"
+
+
+def town() -> PointCloud:
+    rng = np.random.default_rng(5)
+    xyz = np.array([4.5e5, 5.4e6, 110.0]) + rng.uniform((-90, -90, 0), (90, 90, 1), (COUNT, 3))
+    return PointCloud(xyz, "map", rgb=rng.integers(0, 255, (COUNT, 3), dtype=np.uint8))
+
+
+@pytest.fixture(scope="module")
+def app() -> Iterator[App]:
+    with App.served(Address(port=0), Opened((), (StillOctree(NAME, built(town())),))) as served:
+        yield served
+
+
+@pytest.fixture(scope="module")
+def opened_page(app: App, browser: Browser) -> Iterator[Page]:
+    context = browser.new_context(viewport={"width": 700, "height": 400})
+    page = context.new_page()
+    page.goto(app.url)
+    page.get_by_text("Millions drawn").wait_for(timeout=60_000)
+    yield page
+    context.close()
+
+
+def until(true: Callable[[], bool]) -> None:
+    ends = time.monotonic() + 20
+    while not true():
+        assert time.monotonic() < ends
+        time.sleep(0.02)
+
+
+def looker(app: App) -> Looker:
+    until(lambda: bool(app.octrees._lookers))
+    return next(iter(app.octrees._lookers.values()))
+
+
+def numbers_shown(app: App) -> set[int]:
+    return {number for (_, number), handle in list(looker(app).has.items()) if handle.visible}
+
+
+def test_all_browsers_draw_the_coarsest_points(app: App):
+    (shared,) = app.view.stage.stills.values()
+    assert 0 < len(shared) <= SHARED_POINTS
+    assert np.ptp(shared.xyz[:, 0]) > 170
+
+
+def test_a_browser_draws_more_where_it_looks(app: App, opened_page: Page):
+    client = looker(app).client
+    for x in (-80.0, 80.0):
+        client.camera.position = (x, 0.0, 12.0)
+        client.camera.look_at = (x, 2.0, 0.0)
+        until(partial(settled, app, x))
+    # Both places are kept, one of them out of sight.
+    assert len(looker(app).has) > len(numbers_shown(app))
+
+
+def settled(app: App, x: float) -> bool:
+    tree, shown = app.octrees._trees[NAME], numbers_shown(app)
+    deepest = tree.nodes["level"].max()
+    fine = [n for n in shown if tree.nodes["level"][n] == deepest]
+    places = tree.boxes_m[0][fine][:, 0] - 4.5e5
+    return bool(fine) and bool((np.sign(places) == np.sign(x)).all())
+
+
+def draws(app: App, *, something: bool) -> bool:
+    return bool(numbers_shown(app)) == something
+
+
+def test_fine_points_have_the_colours_of_coarse_ones(app: App, opened_page: Page):
+    before = app.view.stage.look(NAME)
+    app.view.stage.looks[NAME] = type(before)(Colouring("height"), before.point_m)
+    app.view.redraw()
+    until(lambda: app.view.stage.look(NAME).colouring.low is not None)
+    (shared,) = app.view.stage.stills.values()
+    colouring = app.view.stage.look(NAME).colouring
+    assert colouring.settled(shared) == colouring
+    tree = app.octrees._trees[NAME]
+
+    def recoloured() -> bool:
+        handles = list(looker(app).has.items())
+        return all(
+            np.array_equal(handle.colors, colouring.colours(tree.cloud([number])))
+            for (_, number), handle in handles
+        )
+
+    until(recoloured)
+
+
+def test_what_is_not_shown_is_not_drawn(app: App, opened_page: Page):
+    before = app.view.stage.look(NAME)
+    for visible in (False, True):
+        app.view.stage.looks[NAME] = type(before)(before.colouring, before.point_m, visible=visible)
+        app.view.redraw()
+        until(partial(draws, app, something=visible))
+
+
+def test_fewer_points_are_drawn_where_fewer_are_wanted(app: App, opened_page: Page):
+    (shared,) = app.view.stage.stills.values()
+    app.octrees.budget = len(shared) + 60_000
+    app.octrees.wake()
+    number = looker(app).client.client_id
+    until(lambda: app.octrees.drawn_points(number) <= 60_000)
+    app.octrees.budget = 2_000_000
+    app.octrees.wake()
+    until(lambda: app.octrees.drawn_points(number) > 60_000)
+
+
+def test_a_browser_that_takes_nothing_is_sent_nothing(app: App):
+    buffer = SimpleNamespace(message_from_id=dict.fromkeys(range(MOST_WAITING + 1)))
+    connection = SimpleNamespace(get_message_buffer=lambda: buffer)
+    stalled = Looker(SimpleNamespace(_websock_connection=connection))  # type: ignore[arg-type]
+    assert app.octrees._draw(stalled)
+    assert not stalled.has
