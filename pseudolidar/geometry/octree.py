@@ -6,18 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pseudolidar.geometry.octree_kernels import (
-    DEPTH,
-    NOWHERE,
-    bounds,
-    first_depths,
-    in_levels,
-    morton_codes,
-    node_starts,
-    settle_levels,
-)
 from pseudolidar.structures.arrays import AnyArray, Float64, Int64
 
+# Halvings of the cube along each axis; 63 bits of a code.
+DEPTH = 21
 # What is known of a node: its level, the cell of that level, and its points.
 NODE = np.dtype([("level", "u1"), ("cell", "<i4", (3,)), ("start", "<i8"), ("count", "<i8")])
 # A node with no more points than this is not divided; the first level has at most twice as many.
@@ -80,6 +72,14 @@ def octree_order(xyz: AnyArray) -> OctreeOrder:
     Args:
         xyz: (N, 3) m; the work needs 33 bytes a point besides.
     """
+    from pseudolidar.geometry.octree_kernels import (
+        NOWHERE,
+        first_depths,
+        in_levels,
+        morton_codes,
+        settle_levels,
+    )
+
     low, size_m = _cube(xyz)
     codes = np.empty(len(xyz), np.uint64)
     morton_codes(xyz, low, size_m, codes)
@@ -100,6 +100,8 @@ def octree_order(xyz: AnyArray) -> OctreeOrder:
 
 def _cube(xyz: AnyArray) -> tuple[Float64, float]:
     """Corner and edge of a cube around all finite points."""
+    from pseudolidar.geometry.octree_kernels import bounds
+
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     bounds(xyz, low, high)
     if not np.isfinite(low).all():
@@ -120,6 +122,8 @@ def _grid(counts: Int64) -> int:
 
 
 def _nodes(codes: AnyArray, levels: AnyArray, by_level: Int64) -> AnyArray:
+    from pseudolidar.geometry.octree_kernels import node_starts
+
     begins = np.empty(len(codes), np.uint8)
     nodes = np.zeros(node_starts(codes, levels, by_level, begins), NODE)
     nodes["start"] = np.flatnonzero(begins)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from pseudolidar.geometry.octree import DEPTH
 from pseudolidar.structures.arrays import AnyArray
 
 _kernel = njit(nogil=True, cache=True, boundscheck=False, error_model="numpy")
 
-# Halvings of the cube along each axis: 63 bits of a code.
-DEPTH = 21
 # The code of what has no place.
 NOWHERE = 0xFFFF_FFFF_FFFF_FFFF
 

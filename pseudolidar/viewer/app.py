@@ -76,7 +76,7 @@ class App:
             self.time = TimePanel(self.view)
         if opened.reels:
             self.picture = PicturePanel(self.view, sights)
-        self.points = PointsPanel(self.view)
+        self.points = PointsPanel(self.view, self.octrees)
         self._add_tabs(opened, sights, asked, workshop)
         self._ended = threading.Event()
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from pseudolidar.geometry.twists import inverted
 from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring
-from pseudolidar.viewer.octree.chosen import Eye, chosen, needs_px, point_sizes_m
+from pseudolidar.viewer.octree.chosen import Eye, along, chosen, needs_px, point_sizes_m
 from pseudolidar.viewer.octree.tree import Octree
 from pseudolidar.viewer.stage import MAP, STILL_LOOK, Stage
 from pseudolidar.viewer.stills import SHARED_POINTS
@@ -87,6 +88,24 @@ class DrawnOctrees:
         self._awake.set()
         if self._thread is not None:
             self._thread.join()
+
+    def pickable(
+        self, origin: Float64, direction: Float64
+    ) -> Mapping[str, tuple[PointCloud, Float64]]:
+        """What may lie on a line of sight of the scene, by name, as `Stage.pickable` has it.
+
+        Args:
+            origin: (3,) of the line.
+            direction: (3,) of the line.
+        """
+        T_scene_map = self._stage.T_scene_map
+        R, t = T_scene_map[:3, :3], T_scene_map[:3, 3]
+        from_m, towards = R.T @ (origin - t), R.T @ direction
+        return {
+            name: (tree.cloud(along(tree, from_m, towards).tolist()), T_scene_map)
+            for name, tree in self._trees.items()
+            if self._stage.look(name).visible
+        }
 
     def drawn_points(self, client_id: int) -> int:
         """How many points a browser draws besides those that all of them draw."""

@@ -72,6 +72,7 @@ class Stage:
         self._rig = self._scene.add_frame(RIG, axes_length=1.0, axes_radius=0.02)
         self._clouds: dict[str, Any] = {}
         self._stills: dict[str, PointCloud] = {}
+        self._coarse: set[str] = set()
         self._drawn_as: dict[str, Look] = {}
         self._camera: Any = None
         self._mark: Any = None
@@ -90,6 +91,7 @@ class Stage:
     def put(self, still: Still) -> None:
         """Draw what does not change; it stays. Of a large cloud what all browsers draw."""
         if isinstance(still, StillOctree):
+            self._coarse.add(still.name)
             still = still.coarse()
         if self._origin is None:
             self._origin = middle_m(still)
@@ -110,8 +112,13 @@ class Stage:
 
     @property
     def stills(self) -> Mapping[str, PointCloud]:
-        """Clouds that do not change, by name."""
+        """Clouds that do not change, by name; of large ones the coarsest points."""
         return self._stills
+
+    @property
+    def whole_stills(self) -> Mapping[str, PointCloud]:
+        """The same without large ones: what figures and files are made of."""
+        return {name: c for name, c in self._stills.items() if name not in self._coarse}
 
     @property
     def extent_m(self) -> tuple[Float64, float] | None:

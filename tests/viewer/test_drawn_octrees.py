@@ -18,6 +18,7 @@ from pseudolidar.viewer.colouring import Colouring
 from pseudolidar.viewer.drawn_octrees import MOST_WAITING, Looker
 from pseudolidar.viewer.octree.build import built
 from pseudolidar.viewer.opening import Opened
+from pseudolidar.viewer.picking import picked
 from pseudolidar.viewer.stills import SHARED_POINTS, StillOctree
 
 COUNT = 700_000
@@ -127,6 +128,21 @@ def test_fewer_points_are_drawn_where_fewer_are_wanted(app: App, opened_page: Pa
     app.octrees.budget = 2_000_000
     app.octrees.wake()
     until(lambda: app.octrees.drawn_points(number) > 60_000)
+
+
+def test_a_click_tells_a_fine_point_of_the_file(app: App, opened_page: Page):
+    tree = app.octrees._trees[NAME]
+    eye, direction = np.array([3.0, 7.0, 4.0]), np.array([0.1, 0.2, -1.0])
+    every = tree.cloud(range(len(tree.nodes)))
+    want = picked({NAME: (every, app.view.stage.T_scene_map)}, eye, direction)
+    assert want is not None
+    app.points.click(eye, direction)
+    x, y = want.xyz_m[:2]
+    opened_page.get_by_text(f"{x:.2f}, {y:.2f}, ").wait_for(timeout=10_000)
+
+
+def test_figures_and_files_are_not_made_of_the_coarsest_points(app: App):
+    assert not app.view.stage.whole_stills
 
 
 def test_a_browser_that_takes_nothing_is_sent_nothing(app: App):

@@ -13,10 +13,11 @@ from pseudolidar.formats.points.ply import write_ply
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.large import StillClouds
 from pseudolidar.viewer.octree.build import built
-from pseudolidar.viewer.octree.chosen import Eye, chosen, needs_px, point_sizes_m, within
+from pseudolidar.viewer.octree.chosen import Eye, along, chosen, needs_px, point_sizes_m, within
 from pseudolidar.viewer.octree.stored import OctreeStore, key_of
 from pseudolidar.viewer.octree.tree import Octree
 from pseudolidar.viewer.opening import Opening
+from pseudolidar.viewer.picking import picked
 from pseudolidar.viewer.reel import NoFrames
 from pseudolidar.viewer.stills import StillCloud, StillOctree
 
@@ -135,6 +136,26 @@ def test_points_are_as_large_as_gaps_between_them(tree: Octree):
     assert together[0] < alone[0]
     between_m = 80 / np.sqrt(COUNT)
     assert np.median(together) == pytest.approx(between_m, rel=0.5)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_click_finds_the_point_that_all_points_would_give(tree: Octree, seed: int):
+    rng = np.random.default_rng(seed)
+    origin = UTM_M + rng.uniform((-60, -60, 8), (60, 60, 9))
+    direction = street().xyz[seed] - origin
+    every = tree.cloud(range(len(tree.nodes)))
+    numbers = along(tree, origin, direction)
+    want = picked({"all": (every, np.eye(4))}, origin, direction)
+    found = picked({"some": (tree.cloud(numbers.tolist()), np.eye(4))}, origin, direction)
+    assert want is not None
+    assert found is not None
+    assert np.array_equal(found.xyz_m, want.xyz_m)
+
+
+def test_a_click_looks_through_few_nodes(tree: Octree):
+    corner = UTM_M + np.array([35.0, 35.0, 8.0])
+    assert len(along(tree, corner, np.array([0.0, 0.0, -1.0]))) < len(tree.nodes)
+    assert len(along(tree, corner, np.array([0.0, 0.0, 1.0]))) < 3
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import numpy as np
 from pseudolidar.geometry.quaternion import rotation_of
 from pseudolidar.structures.arrays import Bool, Float64, Int64
 from pseudolidar.viewer.octree.tree import Octree
+from pseudolidar.viewer.picking import BESIDE_RAD
 
 # Points of a node that would lie closer together than this on the page add nothing, px.
 FINEST_PX = 1.2
@@ -105,6 +106,23 @@ def within(tree: Octree, sides: tuple[Float64, Float64]) -> Bool:
     middles, halves = tree.boxes_m
     inside = middles @ normals.T + offsets + halves @ np.abs(normals).T
     return np.asarray((inside >= 0).all(axis=1))
+
+
+def along(tree: Octree, origin: Float64, direction: Float64) -> Int64:
+    """Numbers of the nodes that may have points on a line of sight, or as near as is clicked.
+
+    Args:
+        tree: any.
+        origin: (3,) of the line, in the frame of the tree.
+        direction: (3,) of the line.
+    """
+    middles, halves = tree.boxes_m
+    away, towards = middles - origin, direction / np.linalg.norm(direction)
+    radii = np.linalg.norm(halves, axis=1)
+    ahead = away @ towards
+    beside = np.linalg.norm(away - ahead[:, None] * towards, axis=1)
+    reach = radii + BESIDE_RAD * np.maximum(ahead + radii, 0)
+    return np.flatnonzero((ahead > -radii) & (beside <= reach))
 
 
 def needs_px(tree: Octree, eye: Eye) -> Float64:

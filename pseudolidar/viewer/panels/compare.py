@@ -60,7 +60,7 @@ class ComparePanel:
         self._stopped = True
 
     def _show(self, moment: Moment) -> None:
-        names, references = choices(moment, self._view.stage.stills)
+        names, references = choices(moment, self._view.stage.whole_stills)
         if names and names != self._name.options:
             self._name.options = names
         if references and references != self._against.options:
@@ -75,7 +75,7 @@ class ComparePanel:
 
     def _tell_frame(self, moment: Moment, _overtaken: Callable[[], bool]) -> None:
         pool = Pool(self._name.value, self._against.value)
-        pool.add(moment, self._view.stage.stills)
+        pool.add(moment, self._view.stage.whole_stills)
         self._told.content = self._words(pool)
 
     def _tell_all(self, frames: int, overtaken: Callable[[], bool]) -> None:
@@ -86,7 +86,7 @@ class ComparePanel:
         for index in range(frames):
             if self._stopped or overtaken():
                 break
-            pool.add(self._view.made(index), self._view.stage.stills)
+            pool.add(self._view.made(index), self._view.stage.whole_stills)
             self._move((index + 1) / frames)
         self._progress.visible = self._stop.visible = False
         self._told_all.content, self._told_all.visible = self._words(pool), True

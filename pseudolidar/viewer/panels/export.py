@@ -45,7 +45,7 @@ class ExportPanel:
     def _clouds(self) -> dict[str, PointCloud]:
         moment = self._view.moment
         shown = {} if moment is None else dict(moment.clouds)
-        return shown | dict(self._view.stage.stills)
+        return shown | dict(self._view.stage.whole_stills)
 
     def _cloud(self, query: Mapping[str, str]) -> Answer:
         cloud, kind = self._clouds().get(query.get("name", "")), query.get("kind", "")

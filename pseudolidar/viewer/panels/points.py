@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from pseudolidar.structures.arrays import Float64
+from pseudolidar.viewer.drawn_octrees import DrawnOctrees
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.picking import Picked, picked
 from pseudolidar.viewer.view import View
@@ -19,10 +20,11 @@ class PointsPanel:
 
     Args:
         view: what is looked at.
+        octrees: large clouds in it.
     """
 
-    def __init__(self, view: View) -> None:
-        self._view = view
+    def __init__(self, view: View, octrees: DrawnOctrees) -> None:
+        self._view, self._octrees = view, octrees
         self._last: tuple[Picked, Float64] | None = None
         self._text = view.gui.add_markdown(HINT)
         view.server.viser.scene.on_click()(self._clicked)
@@ -37,7 +39,7 @@ class PointsPanel:
     def click(self, origin: Float64, direction: Float64) -> None:
         """Tell the point on a line of sight (3,), (3,) of the scene."""
         stage = self._view.stage
-        clouds = stage.pickable()
+        clouds = {**stage.pickable(), **self._octrees.pickable(origin, direction)}
         found = picked(clouds, origin, direction)
         if found is None:
             self._text.content = "nothing there"
