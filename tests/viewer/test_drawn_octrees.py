@@ -132,9 +132,11 @@ def test_fewer_points_are_drawn_where_fewer_are_wanted(app: App, opened_page: Pa
 
 def test_a_click_tells_a_fine_point_of_the_file(app: App, opened_page: Page):
     tree = app.octrees._trees[NAME]
-    eye, direction = np.array([3.0, 7.0, 4.0]), np.array([0.1, 0.2, -1.0])
     every = tree.cloud(range(len(tree.nodes)))
-    want = picked({NAME: (every, app.view.stage.T_scene_map)}, eye, direction)
+    T = app.view.stage.T_scene_map
+    eye = np.array([3.0, 7.0, 4.0])
+    direction = T[:3, :3] @ every.xyz[-1] + T[:3, 3] - eye  # of the finest nodes
+    want = picked({NAME: (every, T)}, eye, direction)
     assert want is not None
     app.points.click(eye, direction)
     x, y = want.xyz_m[:2]

@@ -155,7 +155,7 @@ def test_a_click_finds_the_point_that_all_points_would_give(tree: Octree, seed: 
 def test_a_click_looks_through_few_nodes(tree: Octree):
     corner = UTM_M + np.array([35.0, 35.0, 8.0])
     assert len(along(tree, corner, np.array([0.0, 0.0, -1.0]))) < len(tree.nodes)
-    assert len(along(tree, corner, np.array([0.0, 0.0, 1.0]))) < 3
+    assert len(along(tree, corner, np.array([0.0, 0.0, 1.0]))) < 5
 
 
 @pytest.mark.parametrize(
