@@ -61,14 +61,14 @@ def pictures(page: Page) -> InnerPage:
 
 
 def shown(page: Page, number: int) -> None:
-    page.get_by_text(f"{number} / 4").wait_for(timeout=30_000)
+    page.get_by_text(f"{number} / 4").wait_for(timeout=60_000)
 
 
 def test_a_frame_is_shown_with_its_points(app: App, opened_page: Page):
     assert app.view.moment is not None
     assert set(app.view.stage.shown) == {"stereo", "velodyne"}
     points = sum(map(len, app.view.moment.clouds.values()))
-    opened_page.get_by_text(f"{points:,} points").wait_for(timeout=5000)
+    opened_page.get_by_text(f"{points:,} points").wait_for(timeout=60_000)
 
 
 def test_it_steps_scrubs_and_plays(app: App, opened_page: Page):
@@ -87,26 +87,26 @@ def test_colours_are_chosen(app: App, opened_page: Page):
     before = app.view.stage.look("stereo").colouring.by
     opened_page.get_by_label("Colour").first.click()
     opened_page.get_by_role("option", name="height").first.click()
-    opened_page.get_by_text("Blue, red, m").first.wait_for(timeout=10_000)
+    opened_page.get_by_text("Blue, red, m").first.wait_for(timeout=60_000)
     assert (before, app.view.stage.look("stereo").colouring.by) == ("photo", "height")
 
 
 def test_points_show_their_error(app: App, opened_page: Page):
     opened_page.get_by_label("Colour").first.click()
     opened_page.get_by_role("option", name="error").first.click()
-    opened_page.get_by_text("Too near, too far, m").first.wait_for(timeout=20_000)
+    opened_page.get_by_text("Too near, too far, m").first.wait_for(timeout=60_000)
     assert np.isfinite(app.view.stage.shown["stereo"].extra["error_m"]).sum() > 10_000
 
 
 def test_errors_by_range_are_drawn(app: App, opened_page: Page):
     opened_page.get_by_role("tab", name="Compare").click()
     opened_page.get_by_label("Errors of the shown frame").click()
-    opened_page.locator("svg[role=img]").first.wait_for(timeout=20_000)
+    opened_page.locator("svg[role=img]").first.wait_for(timeout=60_000)
     pool = Pool("stereo", "velodyne")
     assert app.view.moment is not None
     pool.add(app.view.moment, {})
     (figures,) = pool.told()
-    opened_page.get_by_text(f"{figures.overall.n:,}", exact=True).wait_for(timeout=10_000)
+    opened_page.get_by_text(f"{figures.overall.n:,}", exact=True).wait_for(timeout=60_000)
     opened_page.get_by_label("Errors of the shown frame").click()
     opened_page.get_by_role("tab", name="Scene").click()
 
@@ -118,7 +118,7 @@ def test_a_pixel_tells_its_depth(app: App, opened_page: Page):
     assert box is not None
     opened_page.mouse.move(box["x"] + box["width"] * 0.5, box["y"] + box["height"] * 0.9)
     said = inner.get_by_text(re.compile(r"depth [\d.]+ ±"))
-    said.wait_for(timeout=10_000)
+    said.wait_for(timeout=60_000)
     found = re.search(
         r"pixel (\d+), (\d+)\ndisparity .*\ndepth ([\d.]+) ±", inner.inner_text("#said")
     )
@@ -143,7 +143,7 @@ def test_a_box_is_measured_as_the_library_does(app: App, opened_page: Page):
     opened_page.mouse.move(x + 0.80 * width, y + 0.80 * height, steps=3)
     with opened_page.expect_response(re.compile("/picture/measure")) as answered:
         opened_page.mouse.up()
-    inner.get_by_text("distance").wait_for(timeout=20_000)
+    inner.get_by_text("distance").wait_for(timeout=60_000)
     query = dict(re.findall(r"(left|top|right|bottom)=([\d.]+)", answered.value.url))
     moment = app.view.moment
     assert moment is not None
@@ -211,7 +211,7 @@ def test_a_map_and_its_path_lie_still(tmp_path: Path, page: Page):
     opened = Opening(lambda _source: NoFrames()).all_of([str(tmp_path / "utm.ply")])
     with App.served(Address(port=0), opened) as served:
         page.goto(served.url)
-        page.get_by_text("utm.ply", exact=True).wait_for(timeout=20_000)
+        page.get_by_text("utm.ply", exact=True).wait_for(timeout=60_000)
         page.wait_for_timeout(1000)
         scene = pixels_of(page.screenshot())[100:, :800].reshape(-1, 3)
     assert len(np.unique(scene // 32, axis=0)) > 30
@@ -223,7 +223,7 @@ def test_a_map_and_its_path_lie_still(tmp_path: Path, page: Page):
 def test_an_empty_viewer_says_what_to_do(page: Page):
     with App.served(Address(port=0), Opened()) as served:
         page.goto(served.url)
-        page.get_by_text("Nothing is open.").wait_for(timeout=20_000)
+        page.get_by_text("Nothing is open.").wait_for(timeout=60_000)
 
 
 def test_a_click_tells_the_point_and_two_their_distance(app: App, opened_page: Page):
@@ -236,7 +236,7 @@ def test_a_click_tells_the_point_and_two_their_distance(app: App, opened_page: P
     for index in (near, far):
         place = T[:3, :3] @ cloud.xyz[index] + T[:3, 3]
         app.points.click(eye, place - eye)
-    opened_page.get_by_text("apart").wait_for(timeout=10_000)
+    opened_page.get_by_text("apart").wait_for(timeout=60_000)
     assert stage._mark.visible
 
 
@@ -245,8 +245,12 @@ PLACES = ((8.0, 0.0, -1.6), (12.0, 1.0, -1.6))
 
 def test_a_click_in_the_browser_arrives(app: App, opened_page: Page):
     app.points._text.content = "waiting"
-    opened_page.mouse.click(300, 420)
-    opened_page.get_by_text("waiting").wait_for(state="detached", timeout=10_000)
+    for _ in range(20):  # a page that is still drawing takes a click for a drag
+        opened_page.mouse.click(300, 420)
+        opened_page.wait_for_timeout(500)
+        if app.points._text.content != "waiting":
+            break
+    opened_page.get_by_text("waiting").wait_for(state="detached", timeout=60_000)
 
 
 def test_shown_clouds_are_taken_away(app: App, opened_page: Page, tmp_path: Path):
@@ -265,7 +269,7 @@ def test_a_scene_is_a_page_of_its_own(tmp_path: Path, page: Page):
     out = tmp_path / "scene.html"
     assert main(["view", str(tmp_path / "a.ply"), "--export", str(out)]) == 0
     page.goto(out.as_uri())
-    page.wait_for_selector("canvas", timeout=30_000)
+    page.wait_for_selector("canvas", timeout=60_000)
     assert main(["view", "--export", str(tmp_path / "scene.txt")]) == 2
 
 
@@ -283,7 +287,7 @@ def test_objects_are_listed_as_the_library_measures_them(app: App, opened_page: 
     opened_page.get_by_label("Detector").click()
     opened_page.get_by_role("option", name="labels").click()
     first = inner.locator("tbody tr").first
-    first.wait_for(timeout=20_000)
+    first.wait_for(timeout=60_000)
     moment = app.view.moment
     assert moment is not None
     assert moment.converted is not None
@@ -299,18 +303,18 @@ def test_objects_are_listed_as_the_library_measures_them(app: App, opened_page: 
 def test_a_chosen_object_stays_in_place(app: App, opened_page: Page):
     inner = objects_page(opened_page)
     inner.locator("tbody tr").nth(1).click()
-    inner.locator('tbody tr[aria-selected="true"]').wait_for(timeout=10_000)
+    inner.locator('tbody tr[aria-selected="true"]').wait_for(timeout=60_000)
     chosen = app.obstacles.scene.chosen_one
     assert chosen is not None
     before = app.view.stage.of_rig(chosen.middle_m)
     opened_page.get_by_label("Hold the chosen").click()
-    for _ in range(200):  # the click is a message, and drawn with the next tick
+    for _ in range(1200):  # the click is a message, and drawn with the next tick
         if app.view.stage._pinned_m is not None:
             break
         opened_page.wait_for_timeout(50)
     app.view.step(1)
     shown(opened_page, 2)
-    for _ in range(200):
+    for _ in range(1200):
         now = app.obstacles.scene.chosen_one
         if now is not None and np.linalg.norm(now.middle_m - chosen.middle_m) > 0.05:
             break

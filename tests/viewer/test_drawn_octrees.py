@@ -140,7 +140,7 @@ def test_a_click_tells_a_fine_point_of_the_file(app: App, opened_page: Page):
     assert want is not None
     app.points.click(eye, direction)
     x, y = want.xyz_m[:2]
-    opened_page.get_by_text(f"{x:.2f}, {y:.2f}, ").wait_for(timeout=10_000)
+    opened_page.get_by_text(f"{x:.2f}, {y:.2f}, ").wait_for(timeout=60_000)
 
 
 def test_figures_and_files_are_not_made_of_the_coarsest_points(app: App):

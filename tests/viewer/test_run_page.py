@@ -110,18 +110,18 @@ def test_a_page_tells_how_far_the_run_is_and_stays_where_it_is_told_to(
     onlooker: RunPage[int], page: Page
 ):
     page.goto(onlooker._app.url)
-    page.get_by_text("The first frame is being made").wait_for(timeout=20_000)
+    page.get_by_text("The first frame is being made").wait_for(timeout=60_000)
     onlooker.show(0, 0)
-    page.get_by_text("frame 1 of 3").wait_for(timeout=10_000)
+    page.get_by_text("frame 1 of 3").wait_for(timeout=60_000)
     page.get_by_label("Stay at this frame").click()
     until(lambda: onlooker._reel.held)
     onlooker.show(1, 1)
-    page.get_by_text("2 made").wait_for(timeout=10_000)
+    page.get_by_text("2 made").wait_for(timeout=60_000)
     assert page.get_by_text("frame 1 of 3").is_visible()
     page.get_by_label("Stay at this frame").click()
-    page.get_by_text("frame 2 of 3").wait_for(timeout=10_000)
+    page.get_by_text("frame 2 of 3").wait_for(timeout=60_000)
     onlooker.finish()
-    page.get_by_text(re.compile("The run has ended")).wait_for(timeout=10_000)
+    page.get_by_text(re.compile("The run has ended")).wait_for(timeout=60_000)
 
 
 def test_a_held_frame_gives_way_to_the_newest_of_all():

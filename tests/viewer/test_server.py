@@ -257,7 +257,7 @@ def test_a_browser_sees_the_scene(server: GuardedServer, page: Page):
     answer = page.goto(server.url)
     assert answer is not None
     assert answer.status == 200
-    page.get_by_text("here it is").wait_for(timeout=20_000)
+    page.get_by_text("here it is").wait_for(timeout=60_000)
 
 
 def test_a_browser_without_token_sees_nothing(server: GuardedServer, page: Page):

@@ -49,10 +49,10 @@ def test_a_slider_changes_disparities_figures_and_the_saved_file(
     assert before is not None
     assert before.converted is not None
     opened_page.get_by_text("Keep as A").click()
-    opened_page.get_by_text("A and B, one over the other").wait_for(timeout=20_000)
+    opened_page.get_by_text("A and B, one over the other").wait_for(timeout=60_000)
     opened_page.get_by_role("slider").nth(2).focus()  # uniqueness, after frame and penalty large
     opened_page.keyboard.press("End")
-    opened_page.get_by_text(re.compile(r"^-\d+\.\d\d$")).first.wait_for(timeout=20_000)
+    opened_page.get_by_text(re.compile(r"^-\d+\.\d\d$")).first.wait_for(timeout=60_000)
     assert app.tune.tuner.idle(20)
     after = app.view.moment
     assert after is not None
@@ -77,9 +77,9 @@ def test_a_slider_changes_disparities_figures_and_the_saved_file(
 
 def test_undo_takes_the_controls_back(app: App, opened_page: Page):
     app.tune.choose(app.tune._bench.parts["matcher"], "bm")
-    opened_page.get_by_text("texture", exact=True).wait_for(timeout=20_000)
+    opened_page.get_by_text("texture", exact=True).wait_for(timeout=60_000)
     opened_page.get_by_text("Undo").click()
-    opened_page.get_by_text("texture", exact=True).wait_for(state="hidden", timeout=20_000)
+    opened_page.get_by_text("texture", exact=True).wait_for(state="hidden", timeout=60_000)
     assert app.tune.tuner.idle(20)
 
 
@@ -95,9 +95,9 @@ def test_a_click_on_a_thing_tells_its_width_and_distance(app: App, opened_page: 
         sides["x"] + (x + 0.5) / 400 * sides["width"],
         sides["y"] + (y + 0.5) * sides["width"] / 400,
     )
-    opened_page.get_by_text(re.compile(r"m wide, [\d.]+ ± [\d.]+ m away")).wait_for(timeout=20_000)
-    opened_page.get_by_text(re.compile("^--detector colour:")).wait_for(timeout=5_000)
-    inner.get_by_text("colour", exact=True).wait_for(timeout=5_000)
+    opened_page.get_by_text(re.compile(r"m wide, [\d.]+ ± [\d.]+ m away")).wait_for(timeout=60_000)
+    opened_page.get_by_text(re.compile("^--detector colour:")).wait_for(timeout=60_000)
+    inner.get_by_text("colour", exact=True).wait_for(timeout=60_000)
 
 
 def coloured_place(app: App) -> tuple[int, int]:
