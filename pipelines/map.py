@@ -25,16 +25,10 @@ from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
 from pseudolidar.running.journal.identity import identity
-from pseudolidar.running.mapped.build import (
-    FRAME_FOLDER,
-    TILE_FOLDER,
-    WHOLE_NAME,
-    MapSettings,
-    built,
-    written,
-)
+from pseudolidar.running.mapped.build import FRAME_FOLDER, MapSettings, built
 from pseudolidar.running.mapped.checkpoints import Checkpoints
 from pseudolidar.running.mapped.glimpse import Glimpse
+from pseudolidar.running.mapped.map_files import TILE_FOLDER, WHOLE_NAME, write_map
 from pseudolidar.running.mapped.map_outputs import MapOutputs
 from pseudolidar.running.mapped.map_recording import plan_recording, write_recording
 from pseudolidar.running.mapped.mesh_outputs import MeshOutputs, mesh_figures
@@ -275,7 +269,7 @@ def run(job: Map) -> MapReport | Rehearsal:
             files = (*files, film.finish(run, source))
         made = mapped(job, source, pieces, rig, recording)
         if onlooker is not None:
-            onlooker.lay(WHOLE_NAME, made.whole)
+            onlooker.lay(WHOLE_NAME, made.shown)
     if not job.keep_work and run.result().exit_code in (ALL_DONE, SOME_SKIPPED):
         shutil.rmtree(job.out / WORK_FOLDER, ignore_errors=True)
     frames = len(walk.placed) - len(passed)
@@ -294,7 +288,7 @@ def run(job: Map) -> MapReport | Rehearsal:
         report,
         source.rig,
         settings=chosen(job),
-        more=[*map_sections(made.whole, pieces, source.rig), *loop_sections(walked, source)],
+        more=[*map_sections(made.shown, pieces, source.rig), *loop_sections(walked, source)],
     )
     return replace(report, files=(*files, page))
 
@@ -321,12 +315,12 @@ class Made:
     Args:
         files: what there is to open.
         figures: of the map.
-        whole: the map, where it is not too large.
+        shown: points of the map, all or evenly chosen.
     """
 
     files: tuple[Path, ...] = ()
     figures: Mapping[str, Any] = field(default_factory=dict)
-    whole: PointCloud | None = None
+    shown: PointCloud | None = None
 
 
 def mapped(
@@ -350,7 +344,7 @@ def mapped(
         meshed=job.mesh,
         occupied=job.occupancy,
     )
-    files, figures, whole = written(job.out, builder, job.to.clouds)
+    files, figures, shown = write_map(job.out, builder.clouds(), job.to.clouds)
     if builder.mesh is not None:
         mesh = builder.mesh.extract()
         files = (*files, *job.mesh_to.write(job.out, mesh))
@@ -366,13 +360,13 @@ def mapped(
             source,
             pieces[0],
             rig,
-            whole,
+            shown,
             plan=recording,
             content=job.mcap,
             crew=job.crew,
         )
         files = (*files, *recorded)
-    return Made(files, figures, whole)
+    return Made(files, figures, shown)
 
 
 def matcher_of(job: Map, source: FrameSource) -> MatchOnce:

@@ -164,6 +164,44 @@ def encode_npz(cloud: PointCloud) -> bytes:
     return buffer.getvalue()
 
 
+def join_npz(files: Sequence[Path], archive: zipfile.ZipFile) -> None:
+    """Put the columns of archives that `write_npz` made one behind the other, one at a time.
+
+    Args:
+        files: at least one, with the same columns, not organised.
+        archive: open for writing.
+
+    Raises:
+        PointFileField: one has other columns than the first.
+        PointFileMissing, PointFileCorrupt: one cannot be read.
+    """
+    every = [npz_arrays(file) for file in files]
+    for file, arrays in zip(files, every, strict=True):
+        if {name: (kind, shape[1:]) for name, (kind, shape) in arrays.items()} != {
+            name: (kind, shape[1:]) for name, (kind, shape) in every[0].items()
+        }:
+            raise PointFileField("other columns", want="those of the first file", path=file)
+    for name in every[0]:
+        parts = files[:1] if name in _FACTS else files
+        count = sum(arrays[name][1][0] for arrays in every) if name not in _FACTS else None
+        with archive.open(
+            zipfile.ZipInfo(name + _SUFFIX, _MEMBER_TIME), "w", force_zip64=True
+        ) as out:
+            for number, file in enumerate(parts):
+                array = _array_of(file, name)
+                if number == 0:
+                    facts = np.lib.format.header_data_from_array_1_0(array)
+                    shape = array.shape if count is None else (count, *array.shape[1:])
+                    np.lib.format.write_array_header_1_0(out, {**facts, "shape": shape})
+                out.write(array.tobytes())
+
+
+def _array_of(path: Path, name: str) -> AnyArray:
+    """One array of an archive."""
+    with zipfile.ZipFile(path) as archive:
+        return _array(archive, archive.getinfo(name + _SUFFIX), DEFAULT_LIMITS)
+
+
 def decode_npz(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:
     """The cloud in the bytes of an archive; errors as in `read_npz`."""
     refuse_other_content(data, want="NPZ", kinds=("ZIP archive",))

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -37,10 +36,8 @@ from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.pose import Pose
 
-TILE_FOLDER, WHOLE_NAME, FRAME_FOLDER = "tiles", "map", "frames"
+FRAME_FOLDER = "frames"
 SUMS_FOLDER, FREE_NAME = "sums", "free_space"
-# Larger maps are in tiles only, points.
-MOST_IN_ONE_FILE = 50_000_000
 
 
 @dataclass(frozen=True)
@@ -196,48 +193,6 @@ def built(
                     write_cloud(clouds_folder / f"{outcome.id}.{kind}", cloud)
             progress.advance()
     return builder
-
-
-def written(
-    folder: Path, builder: MapBuilder, kinds: tuple[str, ...]
-) -> tuple[tuple[Path, ...], Mapping[str, Any], PointCloud | None]:
-    """Write the map: each tile, and the whole where it is not too large.
-
-    Args:
-        folder: output folder.
-        builder: has all frames.
-        kinds: formats.
-
-    Returns:
-        The files; figures of the map; all of it, where it is not too large.
-
-    Raises:
-        OutputError: the disk is full or gone.
-    """
-    from pseudolidar.clouds.merge import merged
-
-    tiles_folder = folder / TILE_FOLDER
-    shutil.rmtree(tiles_folder, ignore_errors=True)
-    clouds, points, tiles = list[PointCloud](), 0, 0
-    for (x, y), cloud in builder.clouds():
-        points, tiles = points + len(cloud), tiles + 1
-        for kind in kinds:
-            tiles_folder.mkdir(parents=True, exist_ok=True)
-            write_cloud(tiles_folder / f"{x}_{y}.{kind}", cloud)
-        if points <= MOST_IN_ONE_FILE:
-            clouds.append(cloud)
-    figures: dict[str, Any] = {"points": points, "tiles": tiles}
-    if not clouds or points > MOST_IN_ONE_FILE:
-        return ((tiles_folder,) if tiles else ()), figures, None
-    whole = merged(clouds)
-    files = tuple(folder / f"{WHOLE_NAME}.{kind}" for kind in kinds)
-    for file in files:
-        write_cloud(file, whole)
-    low, high = whole.xyz.min(axis=0), whole.xyz.max(axis=0)
-    figures["extent_m"] = [float(edge) for edge in high - low]
-    assert whole.sigma_m is not None
-    figures["sigma_m_median"] = float(np.median(whole.sigma_m))
-    return (*files, tiles_folder), figures, whole
 
 
 def cloud_of(points: FramePoints, T_map_camera: Float64, timestamp_ns: int) -> PointCloud:

@@ -1,0 +1,108 @@
+"""The files of a map: a tile at a time, and the whole made of the files of tiles."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pseudolidar.formats.points.joined import join_clouds
+from pseudolidar.mapping.tiles import Tile
+from pseudolidar.running.one_cloud import write_cloud
+from pseudolidar.structures.arrays import Int64
+from pseudolidar.structures.cloud import PointCloud
+
+TILE_FOLDER, WHOLE_NAME = "tiles", "map"
+# Pictures and the recording show so many points at most, evenly chosen of a larger map.
+MOST_SHOWN = 2_000_000
+
+
+class Shown:
+    """A part of a map that memory holds whatever its size: every point, every second, fourth..."""
+
+    def __init__(self) -> None:
+        self._parts: list[PointCloud] = []
+        self._every, self._met = 1, 0
+        self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
+
+    @property
+    def points(self) -> int:
+        """How many points the map has."""
+        return self._met
+
+    def add(self, cloud: PointCloud) -> None:
+        """The next tile, not empty."""
+        self._parts.append(cloud[_every(len(cloud), -self._met % self._every, self._every)])
+        self._met += len(cloud)
+        self._low = np.minimum(self._low, cloud.xyz.min(axis=0))
+        self._high = np.maximum(self._high, cloud.xyz.max(axis=0))
+        while sum(map(len, self._parts)) > MOST_SHOWN:
+            self._thin()
+
+    def _thin(self) -> None:
+        """Leave out every second of those that are held."""
+        begin, parts = 0, []
+        for part in self._parts:
+            parts.append(part[_every(len(part), begin % 2, 2)])
+            begin += len(part)
+        self._parts, self._every = parts, 2 * self._every
+
+    def cloud(self) -> PointCloud | None:
+        """Those points; None of a map without any."""
+        from pseudolidar.clouds.merge import merged
+
+        return merged(self._parts) if self._met else None
+
+    def figures(self) -> dict[str, Any]:
+        """Of the map: how many points, how large, and how sure those are that are held."""
+        cloud = self.cloud()
+        if cloud is None:
+            return {"points": 0}
+        assert cloud.sigma_m is not None
+        return {
+            "points": self._met,
+            "extent_m": [float(edge) for edge in self._high - self._low],
+            "sigma_m_median": float(np.median(cloud.sigma_m)),
+        }
+
+
+def _every(count: int, first: int, step: int) -> Int64:
+    """Positions, not a slice: a view would hold the whole tile."""
+    return np.arange(first, count, step, dtype=np.int64)
+
+
+def write_map(
+    folder: Path, tiles: Iterable[tuple[Tile, PointCloud]], kinds: tuple[str, ...]
+) -> tuple[tuple[Path, ...], Mapping[str, Any], PointCloud | None]:
+    """Write the map: each tile, and the whole.
+
+    Args:
+        folder: output folder.
+        tiles: of the map, none empty.
+        kinds: formats.
+
+    Returns:
+        The files; figures of the map; what is shown of it, None of an empty one.
+
+    Raises:
+        OutputError: the disk is full or gone.
+    """
+    tiles_folder = folder / TILE_FOLDER
+    shutil.rmtree(tiles_folder, ignore_errors=True)
+    shown, names = Shown(), list[str]()
+    for (x, y), cloud in tiles:
+        shown.add(cloud)
+        names.append(f"{x}_{y}")
+        for kind in kinds:
+            tiles_folder.mkdir(parents=True, exist_ok=True)
+            write_cloud(tiles_folder / f"{x}_{y}.{kind}", cloud)
+    figures = {**shown.figures(), "tiles": len(names)}
+    if not names or not kinds:
+        return (), figures, shown.cloud()
+    wholes = tuple(folder / f"{WHOLE_NAME}.{kind}" for kind in kinds)
+    for whole in wholes:
+        join_clouds([tiles_folder / f"{name}{whole.suffix}" for name in names], whole)
+    return (*wholes, tiles_folder), figures, shown.cloud()
