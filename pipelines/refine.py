@@ -114,15 +114,7 @@ def run(job: Refine) -> RefineReport:
     source, crew = opened(job), CrewPlan(job.workers)
     searching = Searching(job.matcher, job.min_depth)
     warnings = preflight(source, wanted=job.check, crew=crew, mends=(ROWS,), searching=searching)
-    nearest_m = nearest_depth_m(job.min_depth, source)
-    matcher = Eyes(job.rows, job.balance).load(job.matcher, min_depth_m=nearest_m)
-    found: ReferenceRefinement | PictureRefinement
-    if isinstance(job.by, Reference):
-        aligned = pairs_of(with_rows_aligned(source))
-        found = refined_by_reference(aligned, job.by, matcher, crew=crew, on_error=job.on_error)
-        found = found.with_rows(source.rig.rows)
-    else:
-        found = refined_by_pictures(source, job.by, matcher, crew=crew, on_error=job.on_error)
+    found = fitted(job, source, crew)
     line, notes = source.summary.line, source.summary.notes
     if not found.changed:
         return RefineReport(line, None, found, warnings, notes)
@@ -130,6 +122,23 @@ def run(job: Refine) -> RefineReport:
     origin = f"{own.origin or 'the rig of the source'}, refined on {source.summary.name}"
     previous = store_rig(job.out, replace(mounted(found.rig, source), origin=origin))
     return RefineReport(line, job.out, found, warnings, notes, previous)
+
+
+def fitted(
+    job: Refine, source: FrameSource, crew: CrewPlan
+) -> ReferenceRefinement | PictureRefinement:
+    """What is left by the calibration of pairs as they were taken.
+
+    Raises:
+        ReferenceMissing, CalibrationValue, MotionInsufficient: as `run`.
+    """
+    nearest_m = nearest_depth_m(job.min_depth, source)
+    matcher = Eyes(job.rows, job.balance).load(job.matcher, min_depth_m=nearest_m)
+    if not isinstance(job.by, Reference):
+        return refined_by_pictures(source, job.by, matcher, crew=crew, on_error=job.on_error)
+    aligned = pairs_of(with_rows_aligned(source))
+    found = refined_by_reference(aligned, job.by, matcher, crew=crew, on_error=job.on_error)
+    return found.with_rows(source.rig.rows)
 
 
 def opened(job: Refine) -> FrameSource:

@@ -16,6 +16,8 @@ from typing import Annotated, Any
 # The package path of pipelines/ is made at run time; mypy checks the file itself.
 from pseudolidar.pipelines.convert import Convert, ConvertFrame  # type: ignore[import-untyped]
 from pseudolidar.pipelines.convert import opened as opened_source
+from pseudolidar.pipelines.refine import Refine, fitted, mounted  # type: ignore[import-untyped]
+from pseudolidar.pipelines.refine import opened as pairs_as_taken
 
 from pseudolidar.clouds.ground_fit import GroundFit
 from pseudolidar.clouds.outliers import Lonely
@@ -23,6 +25,7 @@ from pseudolidar.errors import ALL_DONE, PseudolidarError, UsageError
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.obstacles.corridor import Corridor
 from pseudolidar.obstacles.detectors import AnyDetector
+from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
@@ -33,7 +36,7 @@ from pseudolidar.running.signals import Stopped
 from pseudolidar.sources.recognise import Source
 from pseudolidar.sources.scans_put_right import Scans, with_scans_put_right
 from pseudolidar.sources.selection import FrameSelection
-from pseudolidar.sources.source import FrameSequence
+from pseudolidar.sources.source import FrameSequence, pairs_of
 from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.eyes import Eyes
@@ -49,6 +52,7 @@ from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, Frame
 from pseudolidar.viewer.address import LOOPBACK, Address
 from pseudolidar.viewer.app import App
+from pseudolidar.viewer.comparing.rigs import Fit, RigShop, Seeing, some_frames
 from pseudolidar.viewer.exporting import check_export, export
 from pseudolidar.viewer.opening import RUN_FILE, Opened, Opening
 from pseudolidar.viewer.panels.obstacles import Asked
@@ -204,11 +208,12 @@ def run(job: View) -> ViewReport:
         with App.made(Address(port=0), opened.in_one_file(), sighted(opened), asked) as app:
             export(app, job.export)
         return ViewReport(job.export)
-    shop = workshop(job, *made[0]) if made and opened.reels[0] is made[0][0] else None
+    ours = bool(made) and opened.reels[0] is made[0][0]
+    shop, rigs = (workshop(job, *made[0]), rig_shop(job, *made[0])) if ours else (None, None)
     # Ctrl-C is the ordinary way out, and no interruption.
     with (
         contextlib.suppress(Stopped),
-        App.served(job.address, opened, sighted(opened), asked, shop) as app,
+        App.served(job.address, opened, sighted(opened), asked, shop, rigs) as app,
     ):
         print(app.url, file=sys.stderr, flush=True)  # noqa: T201 - printed at once, not at the end
         if job.browser:
@@ -244,6 +249,31 @@ def sighted(opened: Opened) -> Callable[[Frame], Seen] | None:
     """What things in the frames are measured by; None where they cannot be."""
     reel = opened.reels[0] if opened.reels else None
     return reel.sighted if isinstance(reel, SourceReel) else None
+
+
+def rig_shop(job: View, reel: SourceReel, source: Source) -> RigShop | None:
+    """How the frames of a source look by other rigs; None where it has no pairs.
+
+    Args:
+        job: the settings.
+        reel: its frames as they are made by these.
+        source: what they come from.
+    """
+    if reel.source.yields is not StereoFrame:
+        return None
+    refine = Refine(
+        source, rig=job.rig, rig_unit=job.rig_unit, frames=job.frames, rows=job.rows,
+        balance=job.balance,
+    )  # fmt: skip
+
+    def fit(seen: Seeing) -> Fit:
+        frames = pairs_of(some_frames(pairs_as_taken(refine), seen))
+        found = fitted(refine, frames, CrewPlan(1))  # one core is left to those who look
+        rig = mounted(found.rig, frames) if found.changed else None
+        return Fit(rig, found.lines)
+
+    given = job.rig is not None
+    return RigShop(lambda rig: replace(job, rig=rig).reel_of(source), fit, given=given)
 
 
 def workshop(job: View, reel: SourceReel, source: Source) -> Workshop[View] | None:

@@ -10,6 +10,8 @@ from typing import Any, Self
 from pseudolidar.running.sighting import Seen
 from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.address import Address
+from pseudolidar.viewer.comparing.joined import joined
+from pseudolidar.viewer.comparing.rigs import RigShop
 from pseudolidar.viewer.drawn_octrees import DrawnOctrees
 from pseudolidar.viewer.drawn_path import DrawnPath
 from pseudolidar.viewer.live_reel import LiveReel
@@ -49,6 +51,7 @@ class App:
         sighted: a frame to what things in it are measured by; None where they cannot be.
         asked: what is looked for in frames from the start.
         workshop: how frames are made by other settings; None where they cannot be.
+        rigs: how frames are made by other rigs; None where they cannot be.
     """
 
     def __init__(
@@ -58,10 +61,12 @@ class App:
         sighted: Callable[[Frame], Seen] | None = None,
         asked: Asked = NOTHING_ASKED,
         workshop: Workshop[Any] | None = None,
+        rigs: RigShop | None = None,
     ) -> None:
         sights = None if sighted is None else RememberedSights(sighted)
         reel = opened.reels[0] if opened.reels else NoFrames()
         self.view = View(server, reel)
+        self.companions = joined(self.view, opened.reels)
         for still in opened.stills:
             self.view.stage.put(still)
         trees = {s.name: s.tree for s in opened.stills if isinstance(s, StillOctree)}
@@ -77,7 +82,7 @@ class App:
         if opened.reels:
             self.picture = PicturePanel(self.view, sights)
         self.points = PointsPanel(self.view, self.octrees)
-        self._add_tabs(opened, sights, asked, workshop)
+        self._add_tabs(opened, sights, asked, workshop, rigs)
         self._ended = threading.Event()
 
     def _add_tabs(
@@ -86,6 +91,7 @@ class App:
         sights: RememberedSights | None,
         asked: Asked,
         workshop: Workshop[Any] | None,
+        rigs: RigShop | None,
     ) -> None:
         """Panels that are looked at one at a time; what to do comes first where nothing is open."""
         tabs = self.view.gui.add_tab_group()
@@ -110,7 +116,7 @@ class App:
                 self.obstacles = ObstaclesPanel(self.view, sights, opened.objects, asked)
         if "Compare" in tab:
             with tab["Compare"]:
-                self.compare = ComparePanel(self.view)
+                self.compare = ComparePanel(self.view, self.companions, rigs)
         with tab["Export"]:
             self.export = ExportPanel(self.view)
         with tab["Help"]:
@@ -135,13 +141,14 @@ class App:
         sighted: Callable[[Frame], Seen] | None = None,
         asked: Asked = NOTHING_ASKED,
         workshop: Workshop[Any] | None = None,
+        rigs: RigShop | None = None,
     ) -> Iterator[Self]:
         """Serve what was opened, and end with the block.
 
         Raises:
             ServeError: the address cannot be had.
         """
-        with cls.made(address, opened, sighted, asked, workshop) as app:
+        with cls.made(address, opened, sighted, asked, workshop, rigs) as app:
             app.view.start()
             yield app
 
@@ -154,13 +161,14 @@ class App:
         sighted: Callable[[Frame], Seen] | None = None,
         asked: Asked = NOTHING_ASKED,
         workshop: Workshop[Any] | None = None,
+        rigs: RigShop | None = None,
     ) -> Iterator[Self]:
         """The same, with nothing drawn yet.
 
         Raises:
             ServeError: the address cannot be had.
         """
-        app = cls(serve(address, label=TITLE), opened, sighted, asked, workshop)
+        app = cls(serve(address, label=TITLE), opened, sighted, asked, workshop, rigs)
         try:
             yield app
         finally:

@@ -30,6 +30,8 @@ MOST_POINTS = 150_000
 PHOTO_PX, FRUSTUM_M = 320, 1.5
 CAMERA_COLOUR = (240, 160, 30)
 PATH_COLOUR = (80, 200, 120)
+# A cloud that is not moved aside.
+NOWHERE = (0.0, 0.0, 0.0)
 # The marked point, and the box that was measured.
 MARK_M, MARK_COLOUR, BOX_COLOUR = 0.12, (255, 80, 80), (255, 212, 59)
 
@@ -87,6 +89,8 @@ class Stage:
         self._pinned_m: Float64 | None = None
         self._shift_m = np.zeros(3)
         self.shown: dict[str, PointCloud] = {}
+        self._hidden: frozenset[str] = frozenset()
+        self._shifts: Mapping[str, tuple[float, float, float]] = {}
 
     def put(self, still: Still) -> None:
         """Draw what does not change; it stays. Of a large cloud what all browsers draw."""
@@ -183,7 +187,32 @@ class Stage:
         T_scene_rig = self._T_scene_map @ self._T_map_rig
         found = {name: (cloud, T_scene_rig) for name, cloud in self.shown.items()}
         found |= {name: (cloud, self.T_scene_map) for name, cloud in self._stills.items()}
-        return {name: one for name, one in found.items() if self.look(name).visible}
+        return {
+            name: (cloud, _aside(T, self._shifts.get(name, NOWHERE)))
+            for name, (cloud, T) in found.items()
+            if self._is_visible(name)
+        }
+
+    def arrange(
+        self, hidden: frozenset[str], shifts: Mapping[str, tuple[float, float, float]]
+    ) -> None:
+        """Leave out some clouds, and move others aside, whatever their looks.
+
+        Args:
+            hidden: names of clouds.
+            shifts: by name, m in the frame that a cloud is in.
+        """
+        self._hidden, self._shifts = hidden, shifts
+        for name in (*self.shown, *self._stills):
+            if (handle := self._clouds.get(name)) is not None:
+                self._arrange(name, handle)
+
+    def _arrange(self, name: str, handle: Any) -> None:
+        handle.visible = self._is_visible(name)
+        handle.position = self._shifts.get(name, NOWHERE)
+
+    def _is_visible(self, name: str) -> bool:
+        return self.look(name).visible and name not in self._hidden
 
     @property
     def origin_m(self) -> Float64:
@@ -276,11 +305,12 @@ class Stage:
                 point_shape="rounded",
                 point_shading="flat",
                 precision="float32",
-                visible=look.visible,
+                visible=self._is_visible(name),
+                position=self._shifts.get(name, NOWHERE),
             )
             return
-        handle.points, handle.colors = points, colours
-        handle.point_size, handle.visible = look.point_m, look.visible
+        handle.points, handle.colors, handle.point_size = points, colours, look.point_m
+        self._arrange(name, handle)
 
     def _draw_camera(self, moment: Moment) -> None:
         sight = moment.sight
@@ -312,6 +342,13 @@ def _small(photo: UInt8) -> UInt8:
     size = PHOTO_PX, max(round(PHOTO_PX * height / width), 1)
     small = np.asarray(cv2.resize(photo, size, interpolation=cv2.INTER_AREA), np.uint8)
     return small if small.ndim == 3 else small[:, :, None].repeat(3, axis=2)
+
+
+def _aside(T: Float64, shift_m: tuple[float, float, float]) -> Float64:
+    """(4, 4) the pose of a frame whose points are moved by so much in it."""
+    aside = T.copy()
+    aside[:3, 3] = _moved(T, np.array(shift_m))
+    return aside
 
 
 def _moved(T: Float64, place_m: Float64) -> Float64:

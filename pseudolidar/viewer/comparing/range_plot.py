@@ -46,25 +46,40 @@ PANELS = (
 )
 
 
-def told(series: Sequence[ErrorsByRange]) -> str:
+def told(series: Sequence[ErrorsByRange], companions: Sequence[str] = ()) -> str:
     """Drawings, then a table for each, as HTML; everything in it is escaped.
 
     Args:
         series: judged in the same way, at least one.
+        companions: labels of sequences beside the first one, in order: clouds of one have the
+            colour that it has in the scene.
     """
+    colours = tuple(colour_of(one.name, companions) for one in series)
     unit, factor = ("%", PERCENT) if series[0].way == "depth" else ("m", 1.0)
     drawn = [
-        _drawing(panel, series, unit, factor)
+        _drawing(panel, series, colours, unit, factor)
         for panel in PANELS
         if any(panel.value(row, factor) is not None for one in series for row in one.rows)
     ]
     tables = [
-        _table(one, colour, unit, factor) for one, colour in zip(series, SERIES, strict=False)
+        _table(one, colour, unit, factor) for one, colour in zip(series, colours, strict=True)
     ]
     return f'<div style="margin:4px 10px;font-size:0.8em">{"".join(drawn + tables)}</div>'
 
 
-def _drawing(panel: Panel, series: Sequence[ErrorsByRange], unit: str, factor: float) -> str:
+def colour_of(name: str, companions: Sequence[str]) -> str:
+    """Of a cloud, by the sequence that it belongs to."""
+    places = (i for i, label in enumerate(companions, 1) if name.startswith(f"{label}: "))
+    return SERIES[next(places, 0) % len(SERIES)]
+
+
+def _drawing(
+    panel: Panel,
+    series: Sequence[ErrorsByRange],
+    colours: Sequence[str],
+    unit: str,
+    factor: float,
+) -> str:
     rows = series[0].rows
     values = [[panel.value(row, factor) for row in one.rows] for one in series]
     known = [abs(value) for each in values for value in each if value is not None]
@@ -87,7 +102,7 @@ def _drawing(panel: Panel, series: Sequence[ErrorsByRange], unit: str, factor: f
         parts.append(_text(LEFT - 4, y(at) + 3, _number(at), anchor="end"))
     for place, row in enumerate(rows):
         parts.append(_text(x(place), HIGH - 5, f"{row.from_m}-{row.to_m} m"))
-    for each, colour in zip(values, SERIES, strict=False):
+    for each, colour in zip(values, colours, strict=True):
         points = [(x(i), y(v)) for i, v in enumerate(each) if v is not None]
         path = " ".join(f"{a:.1f},{b:.1f}" for a, b in points)
         parts.append(f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="2"/>')

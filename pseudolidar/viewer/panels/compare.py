@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from pseudolidar.viewer.comparing.pool import Pool, choices
+from pseudolidar.viewer.comparing.companions import Companions
+from pseudolidar.viewer.comparing.pool import EVERY, Pool, choices
 from pseudolidar.viewer.comparing.range_plot import told
+from pseudolidar.viewer.comparing.rigs import RigShop
+from pseudolidar.viewer.controls import set_value
 from pseudolidar.viewer.moment import Moment
+from pseudolidar.viewer.panels.beside import BesidePanel
+from pseudolidar.viewer.panels.rig import RigPanel
 from pseudolidar.viewer.panels.time import escaped
 from pseudolidar.viewer.tuning.latest import Latest
 from pseudolidar.viewer.view import View
@@ -27,22 +32,26 @@ class ComparePanel:
 
     Args:
         view: what is looked at.
+        companions: sequences beside the first one.
+        rigs: other rigs for the first one; None where it has none.
     """
 
-    def __init__(self, view: View) -> None:
-        self._view, gui = view, view.gui
+    def __init__(self, view: View, companions: Companions, rigs: RigShop | None = None) -> None:
+        self._view, self._companions, gui = view, companions, view.gui
         self._frame: Latest[Moment] = Latest(self._tell_frame, name="viewer-compare")
         self._every: Latest[int] = Latest(self._tell_all, name="viewer-compare-all")
         self._stopped = False
         gui.add_markdown(HINT)
         self._name = gui.add_dropdown("Cloud", NOTHING)
         self._against = gui.add_dropdown("Against", NOTHING)
+        self._beside = BesidePanel(view, companions)
         self._wanted = gui.add_checkbox("Errors of the shown frame", initial_value=False)
         self._told = gui.add_html("", visible=False)
         self._all = gui.add_button("Errors of all frames", visible=len(view.timeline) > 1)
         self._progress = gui.add_progress_bar(0.0, visible=False)
         self._stop = gui.add_button("Stop", visible=False)
         self._told_all = gui.add_html("", visible=False)
+        self.rig = None if rigs is None else RigPanel(view, companions, rigs)
         for control in (self._name, self._against, self._wanted):
             control.on_update(lambda _: self._ask())
         self._all.on_click(lambda _: self._every.ask(len(view.timeline)))
@@ -62,13 +71,17 @@ class ComparePanel:
     def _show(self, moment: Moment) -> None:
         names, references = choices(moment, self._view.stage.whole_stills)
         if names and names != self._name.options:
+            begins = EVERY in names and EVERY not in self._name.options
             self._name.options = names
+            if begins:
+                set_value(self._name, EVERY)
         if references and references != self._against.options:
             self._against.options = references
         self._ask()
 
     def _ask(self) -> None:
         moment = self._view.moment
+        self._beside.choose(self._name.value, self._against.value)
         self._told.visible = self._wanted.value
         if self._wanted.value and moment is not None:
             self._frame.ask(moment)
@@ -99,7 +112,8 @@ class ComparePanel:
             return paragraph(SAME)
         found = pool.told()
         faults = [paragraph(fault) for fault in pool.faults[:FAULTS_TOLD]]
-        return "".join([told(found) if found else paragraph(NOT_COMPARED), *faults])
+        labels = [one.label for one in self._companions.every]
+        return "".join([told(found, labels) if found else paragraph(NOT_COMPARED), *faults])
 
 
 def paragraph(words: str) -> str:
