@@ -41,7 +41,7 @@ class RigPanel:
         self._first, self._file, self._seen, gui = view.reel, b"", 0, view.gui
         self._work: Latest[str] = Latest(self._do, name="viewer-rig")
         view.server.pages[PLACE] = lambda _query: Answer(self._file, download=RIG_FILE)
-        with gui.add_folder("Rig", expand_by_default=shop.given):
+        with gui.add_folder("Rig"):
             gui.add_markdown(HINT)
             self._stock = gui.add_button("Show the stock rig too", visible=shop.given)
             self._refine = gui.add_button("Refine on these frames")
