@@ -2,43 +2,54 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import logging
 import socket
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
-from urllib.parse import parse_qsl
 
 from pseudolidar.errors import ServeError
+from pseudolidar.viewer.answering import Answering
 from pseudolidar.viewer.answers import Page, closed_in, refusal, response
 from pseudolidar.viewer.guard import Guard, Refused
-from pseudolidar.viewer.inbound import PICTURE_BYTES, Control, fault_of
+from pseudolidar.viewer.inbound import MESSAGE_BYTES, Control
+from pseudolidar.viewer.listener import Listener
 
 if TYPE_CHECKING:
     from viser import ViserServer
-    from websockets.asyncio.server import ServerConnection
     from websockets.http11 import Request, Response
+
+    from pseudolidar.viewer.connection import Connection
 
 _log = logging.getLogger(__name__)
 
-# Browsers at the same time, and wrong messages after which one is sent away.
-MOST_CLIENTS, MOST_FAULTS = 16, 8
-# Parts of a query of our own pages.
-MOST_PARTS = 32
+# Browsers at the same time.
+MOST_CLIENTS = 16
 # Messages of a browser that may wait to be read.
-MOST_WAITING = 64
-# A browser that does not answer for so long is gone, s.
-PATIENCE_S = 20.0
+MOST_WAITING = 16
+# How often a browser is pinged, and after how long without an answer it is gone, s. What waits for
+# a large cloud on a slow line answers late; `connection.py` tells who takes nothing at all.
+PING_S, GONE_S = 20.0, 300.0
+# To say good-bye, s.
+CLOSE_S = 10.0
+# Controls of viser whose values are bytes, though it does not say so.
+COLOURS = ("GuiRgbProps", "GuiRgbaProps")
 
 
 class Gate:
-    """Stands between the network and viser while it is served."""
+    """Stands between the network and viser while it is served.
 
-    def __init__(self, guard: Guard, pages: Mapping[str, Page]) -> None:
+    Args:
+        guard: judges who comes.
+        pages: our own pages by path, added to at any time.
+        spoken: the protocol that viser's page of this version asks for.
+    """
+
+    def __init__(self, guard: Guard, pages: Mapping[str, Page], spoken: str) -> None:
         self.guard = guard
-        self._pages = pages
+        self._spoken = spoken
+        self._answering = Answering(pages)
         self._viser: ViserServer | None = None
         self._reached = False
         self._clients = 0
@@ -60,6 +71,8 @@ class Gate:
         """Whatever is served meanwhile is served through this gate, at that socket."""
         from websockets.asyncio import server as library
 
+        from pseudolidar.viewer.connection import Connection
+
         theirs = library.serve
 
         def ours(handler: Any, host: str, port: int, **settings: Any) -> Any:
@@ -67,10 +80,13 @@ class Gate:
             self._reached = True
             settings |= {
                 "process_request": self._judge_by(settings["process_request"]),
-                "max_size": PICTURE_BYTES,
+                "create_connection": Connection,
+                "open_timeout": None,
+                "close_timeout": CLOSE_S,
+                "max_size": MESSAGE_BYTES,
                 "max_queue": MOST_WAITING,
-                "ping_interval": PATIENCE_S,
-                "ping_timeout": PATIENCE_S,
+                "ping_interval": PING_S,
+                "ping_timeout": GONE_S,
                 "server_header": None,
                 "logger": _quiet(),
             }
@@ -83,47 +99,51 @@ class Gate:
             library.serve = theirs  # type: ignore[misc]
 
     def _judge_by(self, theirs: Callable[..., Any]) -> Callable[..., Awaitable[Response | None]]:
-        async def judge(connection: ServerConnection, request: Request) -> Response | None:
+        async def judge(connection: Connection, request: Request) -> Response | None:
             upgrades = request.headers.get_all("Upgrade")
             if any("websocket" in upgrade.lower() for upgrade in upgrades):
-                verdict = self.guard.websocket(request.headers)
-                if isinstance(verdict, Refused):
-                    return refusal(verdict)
-                if self._clients >= MOST_CLIENTS:
-                    full = Refused(f"{MOST_CLIENTS} look already", HTTPStatus.SERVICE_UNAVAILABLE)
-                    return refusal(full)
-                return None
+                refused = self._refused(request)
+                return None if refused is None else refusal(refused)
             verdict = self.guard.page(request.path, request.headers)
             if isinstance(verdict, Refused):
                 return refusal(verdict)
-            response = await self._page(connection, request, theirs)
+            sent = await self._page(connection, request, theirs)
             if verdict.cookie:
-                response.headers["Set-Cookie"] = verdict.cookie
-            return response
+                sent.headers["Set-Cookie"] = verdict.cookie
+            return sent
 
         return judge
 
+    def _refused(self, request: Request) -> Refused | None:
+        """Why a websocket is not opened; None where it is."""
+        verdict = self.guard.websocket(request.headers)
+        if isinstance(verdict, Refused):
+            return verdict
+        if request.headers.get_all("Sec-WebSocket-Protocol") != [self._spoken]:
+            return Refused("a page of another version", HTTPStatus.BAD_REQUEST)
+        if self._clients >= MOST_CLIENTS:
+            return Refused(f"{MOST_CLIENTS} look already", HTTPStatus.SERVICE_UNAVAILABLE)
+        return None
+
     async def _page(
-        self, connection: ServerConnection, request: Request, theirs: Callable[..., Any]
+        self, connection: Connection, request: Request, theirs: Callable[..., Any]
     ) -> Response:
-        path, _, text = request.path.partition("?")
-        if path == "/":
+        if request.path.partition("?")[0] == "/":
             return closed_in(theirs(connection, request), framed="'none'")
-        page = self._pages.get(path)
-        if page is None:
-            return refusal(Refused("no such page", HTTPStatus.NOT_FOUND))
-        try:
-            query = dict(parse_qsl(text, keep_blank_values=True, max_num_fields=MOST_PARTS))
-        except ValueError:
-            return refusal(Refused("a query of too many parts", HTTPStatus.BAD_REQUEST))
-        answer = await asyncio.get_running_loop().run_in_executor(None, page, query)
-        return closed_in(response(answer), framed="'self'")
+        answer = await self._answering.answer(request.path)
+        framed = "'self'" if answer.status is HTTPStatus.OK else "'none'"
+        return closed_in(response(answer), framed=framed)
 
     def _handler(self, theirs: Callable[..., Awaitable[None]]) -> Callable[..., Awaitable[None]]:
-        async def handler(connection: ServerConnection) -> None:
+        async def handler(connection: Connection) -> None:
+            if self._clients >= MOST_CLIENTS:  # several were judged before one was counted
+                await connection.close(1013, "too many look already")
+                return
             self._clients += 1
             try:
-                connection.recv = _Listener(connection, self).recv  # type: ignore[assignment]
+                listener = Listener(connection, self.control, lambda: self.pictures_due(connection))
+                connection.is_due = lambda: listener.due() > 0
+                connection.recv = listener.recv  # type: ignore[assignment]
                 await theirs(connection)
             except Exception as error:  # one browser's trouble is nobody else's
                 _log.warning("a browser was sent away: %s", type(error).__name__)
@@ -141,9 +161,11 @@ class Gate:
         props: Any = handle._impl.props
         options = getattr(props, "options", None)
         least, most = getattr(props, "min", None), getattr(props, "max", None)
+        if type(props).__name__ in COLOURS:
+            least, most = 0, 255
         return Control(handle.value, least, most, None if options is None else tuple(options))
 
-    def pictures_due(self, client: ServerConnection) -> int:
+    def pictures_due(self, client: Connection) -> int:
         """How many pictures were asked for that this browser has not sent."""
         from viser._messages import GetRenderResponseMessage
 
@@ -157,33 +179,6 @@ class Gate:
                 handlers = handle._websock_connection._incoming_handlers
                 return len(handlers.get(GetRenderResponseMessage, ()))
         return 0
-
-
-class _Listener:
-    """Reads a browser's messages; what may not pass is dropped, with one line in the log."""
-
-    def __init__(self, connection: ServerConnection, gate: Gate) -> None:
-        self._connection, self._gate = connection, gate
-        self._receive = connection.recv
-        self._faults = 0
-
-    async def recv(self) -> bytes:
-        """The next message that may pass."""
-        import msgspec
-
-        while True:
-            raw, message = await self._receive(), None
-            if isinstance(raw, bytes):
-                with contextlib.suppress(msgspec.MsgspecError, ValueError, RecursionError):
-                    message = msgspec.msgpack.decode(raw)
-            due = self._gate.pictures_due(self._connection)
-            fault = fault_of(message, len(raw), self._gate.control, pictures_due=due)
-            if isinstance(raw, bytes) and not fault:
-                return raw
-            self._faults += 1
-            _log.warning("a browser sent %s", fault)
-            if self._faults > MOST_FAULTS:
-                await self._connection.close(1008, "too many wrong messages")
 
 
 def _no_tunnel(*_: Any, **__: Any) -> None:

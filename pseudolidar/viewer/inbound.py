@@ -2,93 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-# The longest message of a browser but pictures that it was asked for, and the longest text in it.
-MESSAGE_BYTES, TEXT_LENGTH = 65_536, 4096
+from pseudolidar.viewer.checks import (
+    LARGEST,
+    Check,
+    is_count,
+    is_direction,
+    is_number,
+    is_pixels,
+    is_text,
+    is_turn,
+    one_of,
+    or_none,
+    vector,
+    vectors,
+    within,
+)
+
+# The longest message of a browser but pictures that it was asked for.
+MESSAGE_BYTES = 65_536
 # A picture that a browser was asked for.
 PICTURE_BYTES = 32 << 20
-# Coordinates and sizes beyond are no view of anything.
-LARGEST = 1e12
-
-Check = Callable[[Any], bool]
-
-
-def is_text(value: Any) -> bool:
-    """Text of a length that somebody types."""
-    return isinstance(value, str) and len(value) <= TEXT_LENGTH
-
-
-def is_number(value: Any) -> bool:
-    """A finite number; true and false are none."""
-    return (
-        isinstance(value, int | float)
-        and not isinstance(value, bool)
-        and abs(value) <= LARGEST  # which NaN is not
-    )
-
-
-def is_count(value: Any) -> bool:
-    """A whole number, not negative."""
-    return is_number(value) and isinstance(value, int) and value >= 0
-
-
-def vector(length: int) -> Check:
-    """So many finite numbers."""
-    return lambda value: (
-        isinstance(value, list | tuple) and len(value) == length and all(map(is_number, value))
-    )
-
-
-def vectors(length: int, most: int) -> Check:
-    """At most so many vectors."""
-    one = vector(length)
-    return lambda value: (
-        isinstance(value, list | tuple) and len(value) <= most and all(map(one, value))
-    )
-
-
-def one_of(*choices: str) -> Check:
-    """One of these words."""
-    return lambda value: isinstance(value, str) and value in choices
-
-
-def or_none(check: Check) -> Check:
-    """That, or nothing."""
-    return lambda value: value is None or check(value)
-
 
 _MODIFIER = or_none(is_text)
-_RAY = vector(3)
-_POSE: dict[str, Check] = {"wxyz": vector(4), "position": vector(3)}
+_PLACE = vector(3)
+_POSE: dict[str, Check] = {"wxyz": is_turn, "position": _PLACE}
 
 # Fields of the messages that are let in, by type. What is not here is refused: requests for public
 # tunnels, files that nobody asked for, drags of what cannot be dragged.
 FIELDS: Mapping[str, Mapping[str, Check]] = {
     "ViewerCameraMessage": {
         **_POSE,
-        "fov": is_number,
-        "near": is_number,
-        "far": is_number,
-        "image_height": is_count,
-        "image_width": is_count,
-        "look_at": vector(3),
-        "up_direction": vector(3),
+        "fov": within(0, math.pi),
+        "near": within(0, LARGEST),
+        "far": within(0, LARGEST),
+        "image_height": is_pixels,
+        "image_width": is_pixels,
+        "look_at": _PLACE,
+        "up_direction": is_direction,
     },
     "ScenePointerMessage": {
         "event_type": one_of("click", "rect-select"),
-        "ray_origin": or_none(_RAY),
-        "ray_direction": or_none(_RAY),
+        "ray_origin": or_none(_PLACE),
+        "ray_direction": or_none(is_direction),
         "screen_pos": vectors(2, 2),
         "modifier": _MODIFIER,
     },
     "SceneNodeClickMessage": {
         "name": is_text,
         "instance_index": or_none(is_count),
-        "ray_origin": _RAY,
-        "ray_direction": _RAY,
+        "ray_origin": _PLACE,
+        "ray_direction": is_direction,
         "screen_pos": vector(2),
         "modifier": _MODIFIER,
         "owner": is_text,
@@ -105,20 +73,23 @@ FIELDS: Mapping[str, Mapping[str, Check]] = {
 }
 
 
+Bound = float | Sequence[float] | None
+
+
 @dataclass(frozen=True)
 class Control:
     """What a control of the page is, to judge values for it by.
 
     Args:
         value: what it has now: a new one has the same type.
-        least: smallest number; None without such.
-        most: largest number; None without such.
+        least: smallest number, or one for each of a vector's; None without such.
+        most: largest number, or likewise; None without such.
         options: words to choose from; None without such.
     """
 
     value: Any
-    least: float | None = None
-    most: float | None = None
+    least: Bound = None
+    most: Bound = None
     options: tuple[str, ...] | None = None
 
     def takes(self, value: Any) -> bool:
@@ -128,17 +99,21 @@ class Control:
         if isinstance(self.value, str):
             return is_text(value) and (self.options is None or value in self.options)
         if isinstance(self.value, int | float):
-            return self._in_range(value)
+            return self._in_range(value, 0)
         if isinstance(self.value, tuple):
-            return vector(len(self.value))(value) and all(map(self._in_range, value))
+            right = vector(len(self.value))(value)
+            return right and all(self._in_range(one, place) for place, one in enumerate(value))
         return False
 
-    def _in_range(self, value: Any) -> bool:
-        return (
-            is_number(value)
-            and (self.least is None or value >= self.least)
-            and (self.most is None or value <= self.most)
-        )
+    def _in_range(self, value: Any, place: int) -> bool:
+        least, most = _at(self.least, place, -LARGEST), _at(self.most, place, LARGEST)
+        return is_number(value) and least <= value <= most
+
+
+def _at(bound: Bound, place: int, none: float) -> float:
+    if bound is None:
+        return none
+    return bound[place] if isinstance(bound, Sequence) else bound
 
 
 def fault_of(
@@ -175,7 +150,17 @@ def fault_of(
         return f"{kind}.{(wrong or missing)[0]} of the wrong kind"
     if kind == "GuiUpdateMessage":
         return _fault_of_update(message["uuid"], message["updates"], control_of)
+    if kind == "ScenePointerMessage" and not _is_whole(message):
+        return f"{message['event_type']} without its places"
     return ""
+
+
+def _is_whole(pointed: Mapping[str, Any]) -> bool:
+    """Whether a click has a line of sight and a place, and a rectangle two corners."""
+    if pointed["event_type"] == "click":
+        ray = pointed["ray_origin"], pointed["ray_direction"]
+        return None not in ray and len(pointed["screen_pos"]) == 1
+    return len(pointed["screen_pos"]) == 2
 
 
 def _fault_of_update(

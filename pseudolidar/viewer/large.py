@@ -12,6 +12,7 @@ from pseudolidar.formats.points.cloud_file import read_cloud
 from pseudolidar.geometry.cloud_frames import turned_forward
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import COLUMNS
+from pseudolidar.viewer.moment import shown_points
 from pseudolidar.viewer.octree.stored import OctreeStore, key_of, octree_folder
 from pseudolidar.viewer.stills import StillCloud, StillOctree
 
@@ -47,11 +48,10 @@ class StillClouds:
             key = key_of(files)
             if (tree := self.store.find(key)) is not None:
                 return StillOctree(name, tree)
-        clouds = [turned_forward(read_cloud(file)) for file in files]
+        clouds = [shown_points(turned_forward(read_cloud(file))) for file in files]
         count = sum(map(len, clouds))
-        if not key or count <= self.most_whole or not any(c.valid.any() for c in clouds):
-            cloud = _whole(clouds)
-            return StillCloud(name, cloud[cloud.valid])
+        if not key or count <= self.most_whole:
+            return StillCloud(name, _whole(clouds))
         _log.info("%s: %s points, for which an octree is built once", name, f"{count:,}")
         return StillOctree(name, self.store.build(key, _whole([_needed(c) for c in clouds])))
 

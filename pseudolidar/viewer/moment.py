@@ -24,6 +24,8 @@ from pseudolidar.structures.recorded import DepthFrame
 STEREO, VELODYNE, POINTS = "stereo", "velodyne", "points"
 # Column of points that know when they were taken, s since the time of their cloud.
 TIME = "time_s"
+# Coordinates beyond are no place on Earth, m.
+FARTHEST_M = 1e9
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,12 +117,12 @@ def _clouds(converted: Converted, cloud: PointCloud) -> dict[str, PointCloud]:
     frame = converted.frame
     if not isinstance(frame, StereoFrame):
         kind = STEREO if isinstance(frame, DepthFrame) else POINTS
-        return {kind: _finite(cloud)}
-    found = {STEREO: _finite(cloud)}
+        return {kind: shown_points(cloud)}
+    found = {STEREO: shown_points(cloud)}
     if frame.scan is not None and frame.rig.T_left_velodyne is not None:
         T_forward_scan = chain(converted.tree, cloud.frame, frame.scan.frame)
         if T_forward_scan is not None:
-            found[VELODYNE] = cloud_of_scan(frame.scan).transformed(T_forward_scan)
+            found[VELODYNE] = shown_points(cloud_of_scan(frame.scan)).transformed(T_forward_scan)
     return found
 
 
@@ -134,9 +136,11 @@ def cloud_of_scan(scan: LidarScan) -> PointCloud:
     )
 
 
-def _finite(cloud: PointCloud) -> PointCloud:
-    valid = cloud.valid
-    return cloud if valid.all() and cloud.shape is None else cloud[valid]
+def shown_points(cloud: PointCloud) -> PointCloud:
+    """The points of a cloud that are anywhere: finite, and no farther than the Earth is large."""
+    x, y, z = np.abs(cloud.xyz.T)  # column by column: a 40th of the time of `max` along rows
+    near = (x < FARTHEST_M) & (y < FARTHEST_M) & (z < FARTHEST_M)  # which NaN is not
+    return cloud if near.all() and cloud.shape is None else cloud[near]
 
 
 def _sight(converted: Converted, forward: str) -> Sight | None:

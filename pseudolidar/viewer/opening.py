@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
 
 import numpy as np
 
-from pseudolidar.errors import PseudolidarError, SourceUnknown
+from pseudolidar.errors import PseudolidarError, SourceUnknown, printable
 from pseudolidar.formats.obstacle_json import read_obstacles
 from pseudolidar.formats.points.cloud_file import is_cloud_file
 from pseudolidar.formats.trajectory_file import (
@@ -61,7 +61,7 @@ class Opened:
     def in_one_file(self) -> Opened:
         """What goes into a file that cannot ask for more: of large clouds the coarsest points."""
         octrees = (s.coarse(MOST_WHOLE) if isinstance(s, StillOctree) else s for s in self.stills)
-        return Opened(self.reels, tuple(octrees))
+        return replace(self, stills=tuple(octrees))
 
 
 @dataclass
@@ -126,8 +126,9 @@ class Opening:
     def _name(self, place: Path) -> str:
         """What a file is called here: no two alike."""
         taken = {still.name for still in self._stills}
-        names = (place.name if n == 1 else f"{place.name} ({n})" for n in count(1))
-        return next(name for name in names if name not in taken)
+        name = printable(place.name)
+        names = (name if n == 1 else f"{name} ({n})" for n in count(1))
+        return next(each for each in names if each not in taken)
 
 
 def _of_run(folder: Path) -> Iterator[Path]:

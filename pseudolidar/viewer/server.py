@@ -56,7 +56,8 @@ def serve(address: Address, *, label: str) -> GuardedServer:
     listening = address.bound()
     port = int(listening.getsockname()[1])
     pages: dict[str, Page] = {}
-    gate = Gate(Guard(port, names=_names(address)), pages)
+    spoken = f"viser-v{GUARDED_VERSION}"
+    gate = Gate(Guard(port, names=_names(address)), pages, spoken)
     try:
         with gate.in_place(listening), contextlib.redirect_stdout(io.StringIO()):
             started = viser.ViserServer(host=address.host, port=port, label=label, verbose=False)

@@ -28,6 +28,7 @@ from pseudolidar.viewer.app import App
 from pseudolidar.viewer.comparing.pool import Pool
 from pseudolidar.viewer.opening import Opened, Opening
 from pseudolidar.viewer.reel import NoFrames, SourceReel
+from tests.viewer.clients import wait_until
 
 
 @pytest.fixture(scope="module")
@@ -84,11 +85,11 @@ def test_it_steps_scrubs_and_plays(app: App, opened_page: Page):
 
 
 def test_colours_are_chosen(app: App, opened_page: Page):
-    before = app.view.stage.look("stereo").colouring.by
+    assert app.view.stage.look("stereo").colouring.by == "photo"
     opened_page.get_by_label("Colour").first.click()
     opened_page.get_by_role("option", name="height").first.click()
-    opened_page.get_by_text("Blue, red, m").first.wait_for(timeout=60_000)
-    assert (before, app.view.stage.look("stereo").colouring.by) == ("photo", "height")
+    wait_until(lambda: app.view.stage.look("stereo").colouring.by == "height", patience_s=60)
+    opened_page.get_by_text("Blue, red, m").nth(1).wait_for(timeout=60_000)
 
 
 def test_points_show_their_error(app: App, opened_page: Page):

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from pseudolidar.viewer.inbound import MESSAGE_BYTES, TEXT_LENGTH, Control, fault_of
+from pseudolidar.viewer.checks import TEXT_LENGTH
+from pseudolidar.viewer.inbound import MESSAGE_BYTES, Control, fault_of
 
 CONTROLS = {
     "slider": Control(5, 0, 10),

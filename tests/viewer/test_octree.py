@@ -16,10 +16,10 @@ from pseudolidar.viewer.octree.build import built
 from pseudolidar.viewer.octree.chosen import Eye, along, chosen, needs_px, point_sizes_m, within
 from pseudolidar.viewer.octree.stored import OctreeStore, key_of
 from pseudolidar.viewer.octree.tree import Octree
-from pseudolidar.viewer.opening import Opening
+from pseudolidar.viewer.opening import Opened, Opening
 from pseudolidar.viewer.picking import picked
 from pseudolidar.viewer.reel import NoFrames
-from pseudolidar.viewer.stills import StillCloud, StillOctree
+from pseudolidar.viewer.stills import StillCloud, StillOctree, StillPath
 
 UTM_M = np.array([4.5e5, 5.4e6, 110.0])
 COUNT = 120_000
@@ -267,6 +267,15 @@ def test_the_squares_of_a_map_are_one_cloud(tmp_path: Path):
         assert isinstance(still, StillOctree)
         assert still.name == "tiles"
         assert len(still.tree) == 3000
+
+
+def test_what_goes_into_one_file_keeps_all_but_fine_points(tree: Octree):
+    path = StillPath("path", np.zeros((2, 3)))
+    opened = Opened((NoFrames(),), (StillOctree("a", tree), path), {"000000": ()})
+    whole = opened.in_one_file()
+    assert (whole.reels, whole.objects, whole.stills[1]) == (opened.reels, {"000000": ()}, path)
+    assert isinstance(whole.stills[0], StillCloud)
+    assert len(whole.stills[0].cloud) == COUNT
 
 
 def test_files_of_one_name_are_told_apart(tmp_path: Path):

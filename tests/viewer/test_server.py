@@ -2,56 +2,25 @@
 
 from __future__ import annotations
 
-import http.client
 import logging
 import socket
 import time
-from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from urllib.parse import urlsplit
 
 import msgspec
 import numpy as np
 import pytest
-import viser
 import websockets.asyncio.server
 from playwright.sync_api import Page
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import ClientConnection, connect
 
 from pseudolidar.errors import ServeError
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.answers import Answer
 from pseudolidar.viewer.gate import MOST_CLIENTS
 from pseudolidar.viewer.server import GuardedServer, serve
-
-
-def port_of(server: GuardedServer) -> int:
-    return server.guard.port
-
-
-def get(server: GuardedServer, target: str, **headers: str) -> http.client.HTTPResponse:
-    connection = http.client.HTTPConnection("127.0.0.1", port_of(server), timeout=10)
-    connection.request("GET", target, headers=headers)
-    return connection.getresponse()
-
-
-def cookie(server: GuardedServer) -> dict[str, str]:
-    return {"Cookie": f"{server.guard.cookie_name}={server.guard.session}"}
-
-
-def look(server: GuardedServer, **headers: str) -> ClientConnection:
-    """A websocket as viser's page opens it."""
-    port = port_of(server)
-    given = cookie(server) | {"Origin": f"http://127.0.0.1:{port}"} | headers
-    return connect(
-        f"ws://127.0.0.1:{port}",
-        additional_headers={name: value for name, value in given.items() if value},
-        subprotocols=[f"viser-v{viser.__version__}"],
-        compression=None,
-        max_size=None,
-        max_queue=1,  # what is not taken is not read from the network either
-    )
+from tests.viewer.clients import cookie, get, look, port_of, wait_until
 
 
 def test_the_printed_address_answers_and_gives_a_cookie(server: GuardedServer):
@@ -265,10 +234,3 @@ def test_a_browser_without_token_sees_nothing(server: GuardedServer, page: Page)
     assert answer is not None
     assert answer.status == 403
     assert page.content().count("viser") == 0
-
-
-def wait_until(true: Callable[[], bool], *, patience_s: float = 10.0) -> None:
-    end = time.monotonic() + patience_s
-    while not true():
-        assert time.monotonic() < end, "not in time"
-        time.sleep(0.02)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Callable
 
+from pseudolidar.errors import printable
 from pseudolidar.viewer.comparing.companions import Companions
 from pseudolidar.viewer.comparing.pool import EVERY, Pool, choices
 from pseudolidar.viewer.comparing.range_plot import told
@@ -12,7 +14,6 @@ from pseudolidar.viewer.controls import set_value
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.panels.beside import BesidePanel
 from pseudolidar.viewer.panels.rig import RigPanel
-from pseudolidar.viewer.panels.time import escaped
 from pseudolidar.viewer.tuning.latest import Latest
 from pseudolidar.viewer.view import View
 
@@ -118,4 +119,4 @@ class ComparePanel:
 
 def paragraph(words: str) -> str:
     """Words of files and users as a paragraph of HTML."""
-    return f'<p style="margin:4px 10px;font-size:0.85em">{escaped(words)}</p>'
+    return f'<p style="margin:4px 10px;font-size:0.85em">{html.escape(printable(words))}</p>'

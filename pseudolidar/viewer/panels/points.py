@@ -9,6 +9,7 @@ import numpy as np
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.viewer.drawn_octrees import DrawnOctrees
 from pseudolidar.viewer.moment import Moment
+from pseudolidar.viewer.panels.time import escaped
 from pseudolidar.viewer.picking import Picked, picked
 from pseudolidar.viewer.view import View
 
@@ -47,7 +48,7 @@ class PointsPanel:
         _, T = clouds[found.cloud]
         place = np.asarray(T[:3, :3] @ found.xyz_m + T[:3, 3])
         stage.mark(place)
-        lines = [f"**{found.cloud}** {found.text}"]
+        lines = [f"**{escaped(found.cloud)}** {found.text}"]
         if self._last is not None:
             before, there = self._last
             apart_m = float(np.linalg.norm(place - there))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from pseudolidar.errors import printable
 from pseudolidar.viewer.controls import set_value
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.timeline import SPEEDS
@@ -90,7 +91,8 @@ class TimePanel:
         set_value(self._frame, moment.index)
         seconds = timeline.times_s[moment.index]
         said = (
-            f"**{moment.index + 1} / {len(timeline)}** &nbsp; `{moment.id}` &nbsp; {seconds:.2f} s"
+            f"**{moment.index + 1} / {len(timeline)}** &nbsp; {escaped(moment.id)} &nbsp; "
+            f"{seconds:.2f} s"
         )
         points = sum(map(len, moment.clouds.values()))
         fault = f"\n\n{escaped(moment.fault)}" if moment.fault else ""
@@ -104,5 +106,5 @@ def _named(speed: float) -> str:
 def escaped(text: str) -> str:
     """Text of files and users as Markdown that means nothing but itself."""
     marks = str.maketrans({mark: f"\\{mark}" for mark in "\\`*_{}[]()#+-.!|~$^"})
-    plain = text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
-    return " ".join(plain.translate(marks).split())
+    plain = printable(" ".join(text.split())).translate(marks)
+    return plain.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")

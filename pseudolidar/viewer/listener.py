@@ -1,0 +1,84 @@
+"""Listens to one browser: what may not pass is dropped, and nobody is heard too often."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from pseudolidar.viewer.inbound import MESSAGE_BYTES, Control, fault_of
+from pseudolidar.viewer.pace import Pace
+
+if TYPE_CHECKING:
+    from websockets.asyncio.server import ServerConnection
+
+_log = logging.getLogger(__name__)
+
+# Wrong messages after which a browser is sent away.
+MOST_FAULTS = 8
+# What asks for a search through all points; how often that, and all that a browser says, may come:
+# a second in the long run, and at once.
+CLICKS = ("ScenePointerMessage", "SceneNodeClickMessage")
+CLICK_PACE, PACE = (10.0, 20), (120.0, 240)
+
+
+class Listener:
+    """Reads a browser's messages; each that is dropped is one line in the log.
+
+    Args:
+        connection: of the browser.
+        control_of: the control with an identity; None where there is none.
+        due: how many pictures it was asked for and has not sent.
+    """
+
+    def __init__(
+        self,
+        connection: ServerConnection,
+        control_of: Callable[[str], Control | None],
+        due: Callable[[], int],
+    ) -> None:
+        self._connection, self._control_of, self.due = connection, control_of, due
+        self._receive = connection.recv
+        self._faults = 0
+        self._clicks, self._all = Pace(*CLICK_PACE), Pace(*PACE)
+
+    async def recv(self) -> bytes:
+        """The next message that may pass, when it is time for it."""
+        while True:
+            raw = await self._receive()
+            message: Any = _decoded(raw) if isinstance(raw, bytes) else None
+            fault = fault_of(message, len(raw), self._control_of, pictures_due=self.due())
+            if isinstance(raw, bytes) and not fault:
+                await self._wait()
+                if message["type"] in CLICKS and not self._clicks.allows(time.monotonic()):
+                    continue  # nobody clicks as often, and late ones mean nothing any more
+                return raw
+            self._faults += 1
+            _log.warning("a browser sent %s", fault)
+            if self._faults > MOST_FAULTS:
+                await self._connection.close(1008, "too many wrong messages")
+
+    async def _wait(self) -> None:
+        """Until it is time; nothing is read meanwhile, so that who floods this holds up itself."""
+        if (wait_s := self._all.wait_s(time.monotonic())) > 0:
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._connection.wait_closed(), wait_s)
+
+
+def _decoded(raw: bytes) -> Any:
+    """What a message says; None where it is none. Of long ones only a picture is read at all.
+
+    A few megabytes of MessagePack can hold gigabytes of empty lists.
+    """
+    import msgspec
+
+    with contextlib.suppress(msgspec.MsgspecError, ValueError, RecursionError):
+        if len(raw) <= MESSAGE_BYTES:
+            return msgspec.msgpack.decode(raw)
+        fields = [("type", str), ("payload", bytes), ("render_uuid", str)]
+        kind = msgspec.defstruct("Picture", fields, forbid_unknown_fields=True)
+        return msgspec.structs.asdict(msgspec.msgpack.decode(raw, type=kind))
+    return None
