@@ -53,7 +53,7 @@ from pseudolidar.structures.recorded import DepthFrame, Frame
 from pseudolidar.viewer.address import LOOPBACK, Address
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.comparing.rigs import Fit, RigShop, Seeing, some_frames
-from pseudolidar.viewer.exporting import check_export, export
+from pseudolidar.viewer.exporting import check_export, draw, export, is_drawn
 from pseudolidar.viewer.opening import RUN_FILE, Opened, Opening
 from pseudolidar.viewer.panels.obstacles import Asked
 from pseudolidar.viewer.reel import SourceReel
@@ -83,6 +83,7 @@ class View:
         pseudolidar view out/drive --host 0.0.0.0 --named robot.lan
         pseudolidar view training --detector cloud --corridor 2x2x30
         pseudolidar view out/map.ply --export map.html
+        pseudolidar view out/map.ply out/trajectory.tum --export flight.mp4
         pseudolidar view drive --settings settings.json
 
     Args:
@@ -112,7 +113,9 @@ class View:
         share: refused: a public tunnel shows the token and all pictures to whoever runs it.
         browser: open the page.
         export: serve nothing, and write what there is to see, all frames of it, to one file that
-            opens without a server: scene.html, or scene.viser for viser's own player.
+            opens without a server: scene.html, scene.viser for viser's own player; scene.mp4, a
+            film (H.264) behind the rig of a sequence, along the path of a map, or once round clouds
+            that lie still; scene.png, its first picture.
     """
 
     paths: Annotated[tuple[str, ...], POSITIONAL] = ()
@@ -204,6 +207,9 @@ def run(job: View) -> ViewReport:
 
     opened = Opening(reel_of, job.reel_of_run).all_of(job.paths)
     asked = Asked(job.detector, job.corridor)
+    if job.export is not None and is_drawn(job.export):
+        draw(opened, job.export)
+        return ViewReport(job.export)
     if job.export is not None:
         with App.made(Address(port=0), opened.in_one_file(), sighted(opened), asked) as app:
             export(app, job.export)

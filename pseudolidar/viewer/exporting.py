@@ -1,4 +1,4 @@
-"""A scene as one file that opens without a server: a page, or a recording of viser's."""
+"""A scene as one file that opens without a server: a page, viser's recording, a film, a picture."""
 
 from __future__ import annotations
 
@@ -8,8 +8,11 @@ from pseudolidar.errors import UsageError
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.viewer.app import App
+from pseudolidar.viewer.filming.film import PICTURE_PX, Film, write_film, write_picture
+from pseudolidar.viewer.opening import Opened
 
-SUFFIXES = (".html", ".viser")
+# Of viser's own kinds of file, and of those that are drawn here.
+SCENES, DRAWN = (".html", ".viser"), (".mp4", ".png")
 
 
 def check_export(path: Path) -> None:
@@ -18,13 +21,33 @@ def check_export(path: Path) -> None:
     Raises:
         UsageError: it ends otherwise.
     """
-    if path.suffix.lower() not in SUFFIXES:
+    if path.suffix.lower() not in (*SCENES, *DRAWN):
         raise UsageError(
             f"a file named {path.suffix or 'without extension'}",
-            want=" or ".join(SUFFIXES),
+            want=" or ".join((*SCENES, *DRAWN)),
             path=path,
             where="--export",
         )
+
+
+def is_drawn(path: Path) -> bool:
+    """Whether a file is a film or a picture, for which nothing is served."""
+    return path.suffix.lower() in DRAWN
+
+
+def draw(opened: Opened, path: Path) -> None:
+    """Write a film of what was opened, or its first picture.
+
+    Raises:
+        CloudEmpty: there is nothing to be seen.
+        OutputError: the disk is full or gone.
+    """
+    if path.suffix.lower() == ".png":
+        write_picture(Film.of(opened, size_px=PICTURE_PX), path)
+        return
+    film = Film.of(opened)
+    with FrameProgress(film.count, what=path.stem) as progress:
+        write_film(film, path, progress.advance)
 
 
 def export(app: App, path: Path) -> None:

@@ -83,6 +83,7 @@ class Stage:
         self._T_scene_map = self._T_map_rig = np.eye(4)
         self._origin: Float64 | None = None
         self.looks: dict[str, Look] = {}
+        self.every_still: list[Still] = []
         self.follow = True
         # (3,) in the frame of the clouds, of a thing that stays where it is; None for nothing.
         self.followed: Callable[[Moment], Float64 | None] = lambda _moment: None
@@ -94,6 +95,7 @@ class Stage:
 
     def put(self, still: Still) -> None:
         """Draw what does not change; it stays. Of a large cloud what all browsers draw."""
+        self.every_still.append(still)
         if isinstance(still, StillOctree):
             self._coarse.add(still.name)
             still = still.coarse()

@@ -80,8 +80,10 @@ class StillOctree:
 Still = StillCloud | StillPath | StillOctree
 
 
-def middle_m(still: StillCloud | StillPath) -> Float64:
+def middle_m(still: Still) -> Float64:
     """(3,) a place in it, for all numbers on the wire to be relative to."""
+    if isinstance(still, StillOctree):
+        still = still.coarse()
     places = still.cloud.xyz if isinstance(still, StillCloud) else still.places_m
     if not len(places):
         return np.zeros(3)

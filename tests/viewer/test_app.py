@@ -26,6 +26,7 @@ from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.comparing.pool import Pool
+from pseudolidar.viewer.filming.film import Film
 from pseudolidar.viewer.opening import Opened, Opening
 from pseudolidar.viewer.reel import NoFrames, SourceReel
 from tests.viewer.clients import wait_until
@@ -331,3 +332,26 @@ def test_objects_that_are_none_are_not_chosen(app: App, opened_page: Page, key: 
     answer = opened_page.request.get(f"{base(app)}obstacles/choose", params={"key": key})
     assert answer.ok
     assert answer.json()["chosen"] == ""
+
+
+def test_a_browser_sends_its_own_view_and_a_film_is_made(app: App, opened_page: Page):
+    opened_page.get_by_role("tab", name="Export").click()
+    with opened_page.expect_download(timeout=60_000) as sent:
+        opened_page.get_by_role("button", name="This view as PNG").click()
+    picture = pixels_of(Path(sent.value.path()).read_bytes())
+    assert sent.value.suggested_filename == "view.png"
+    assert size_of_page(opened_page)[1] - picture.shape[0] < 10
+    assert len(np.unique(picture.reshape(-1, 3) // 32, axis=0)) > 30
+    app.export._maker._film = lambda: Film.of(  # a small one of the same
+        Opened((app.view.reel,)), size_px=(64, 36)
+    )
+    opened_page.get_by_role("button", name="Film (MP4)").click()
+    opened_page.get_by_text("film.mp4").wait_for(timeout=60_000)
+    made = opened_page.request.get(f"{base(app)}export/film")
+    assert made.body()[4:8] == b"ftyp"
+    assert made.headers["content-type"] == "video/mp4"
+
+
+def size_of_page(page: Page) -> tuple[int, int]:
+    assert page.viewport_size is not None
+    return page.viewport_size["width"], page.viewport_size["height"]

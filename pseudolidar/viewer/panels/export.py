@@ -6,18 +6,30 @@ import html
 import re
 from collections.abc import Mapping
 from http import HTTPStatus
+from typing import Any
 from urllib.parse import urlencode
 
+import numpy as np
+
+from pseudolidar.formats.pictures.image import encode_png
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.products.encoders import ENCODERS
+from pseudolidar.structures.arrays import UInt8
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.recorded import RecordedCloud
 from pseudolidar.viewer.answers import Answer
+from pseudolidar.viewer.filming.film import Film
+from pseudolidar.viewer.filming.maker import FilmMaker
+from pseudolidar.viewer.live_reel import LiveReel
 from pseudolidar.viewer.moment import Moment
+from pseudolidar.viewer.opening import Opened
+from pseudolidar.viewer.reel import NoFrames
 from pseudolidar.viewer.view import View
 
 KINDS = {"ply": "application/octet-stream", "pcd": "application/octet-stream"}
-PAGE_NAME = "scene.html"
+PAGE_NAME, PICTURE_NAME = "scene.html", "view.png"
+# Colours of the page behind its scene, and how long a browser may take for a picture, s.
+DARK, LIGHT, PATIENCE_S = (20, 20, 20), (255, 255, 255), 20.0
 # What a file is not called.
 ODD = re.compile(r"[^\w.-]+")
 
@@ -34,6 +46,13 @@ class ExportPanel:
         self._names: tuple[str, ...] = ()
         view.server.pages |= {"/export/cloud": self._cloud, "/export/scene": self._scene}
         self._links = view.gui.add_html(_links(()))
+        picture = view.gui.add_button("This view as PNG")
+        film = view.gui.add_button("Film (MP4)")
+        self._told = view.gui.add_html("")
+        self._maker = FilmMaker(self._film_of_shown, self._tell)
+        view.server.pages["/export/film"] = self._film
+        picture.on_click(self._send_picture)
+        film.on_click(self._make_film)
         view.on_shown(self._show)
 
     def _show(self, _moment: Moment) -> None:
@@ -58,6 +77,43 @@ class ExportPanel:
             ENCODERS[kind](Converted(frame, cloud)), KINDS[kind], download=f"{stem}.{kind}"
         )
 
+    def _film_of_shown(self) -> Film:
+        view = self._view
+        reels = () if isinstance(view.reel, NoFrames | LiveReel) else (view.reel,)
+        return Film.of(Opened(reels, tuple(view.stage.every_still)), dict(view.stage.looks))
+
+    def _make_film(self, _event: object) -> None:
+        self._maker.ask()
+
+    def _film(self, _query: Mapping[str, str]) -> Answer:
+        made = self._maker.made
+        if made is None:
+            return Answer(b"", "text/plain", HTTPStatus.NOT_FOUND)
+        return Answer(made, "video/mp4", download="film.mp4")
+
+    def _tell(self, said: str) -> None:
+        link = '<a href="/export/film" download>film.mp4</a>' if self._maker.made else ""
+        self._told.content = _styled(html.escape(said) or link)
+
+    def _send_picture(self, event: Any) -> None:
+        """What the browser that asks has before it, with the background that it has."""
+        client = event.client
+        if client is None:
+            return
+        try:
+            pixels = client.get_render(
+                client.camera.image_height,
+                client.camera.image_width,
+                transport_format="png",
+                timeout=PATIENCE_S,
+            )
+        except (TimeoutError, RuntimeError):  # it is hidden, or has gone away
+            self._told.content = _styled("this browser sends no picture")
+            return
+        behind = DARK if self._view.dark else LIGHT
+        png = encode_png(flattened(pixels, behind))
+        client.send_file_download(PICTURE_NAME, png, save_immediately=True)
+
     def _scene(self, _query: Mapping[str, str]) -> Answer:
         page = self._view.server.viser.scene.as_html(dark_mode=self._view.dark)
         return Answer(page.encode(), "text/html; charset=utf-8", download=PAGE_NAME)
@@ -68,8 +124,18 @@ def _links(names: tuple[str, ...]) -> str:
         f"{html.escape(name)}: {', '.join(_link(name, kind) for kind in KINDS)}" for name in names
     ]
     rows.append('<a href="/export/scene" download>this scene, a page that needs no server</a>')
-    style = "font-size:0.85em;margin:2px 10px;line-height:1.9"
-    return f'<div style="{style}">{"<br>".join(rows)}</div>'
+    return _styled("<br>".join(rows))
+
+
+def _styled(content: str) -> str:
+    return f'<div style="font-size:0.85em;margin:2px 10px;line-height:1.9">{content}</div>'
+
+
+def flattened(pixels: UInt8, behind: tuple[int, int, int]) -> UInt8:
+    """(H, W, 3) RGB of a picture (H, W, 4) with alpha, over one colour."""
+    share = pixels[:, :, 3:] / np.float32(255)
+    mixed = share * pixels[:, :, :3] + (1 - share) * np.asarray(behind, np.float32)
+    return np.asarray(np.rint(mixed), np.uint8)
 
 
 def _link(name: str, kind: str) -> str:
