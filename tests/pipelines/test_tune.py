@@ -75,7 +75,7 @@ def test_every_command_takes_them(tuned, capsys, tmp_path):
 @pytest.mark.parametrize(
     ("path", "value", "where", "said"),
     [
-        ("settings.matchr", {}, "matchr", "matcher, smooth, fill"),
+        ("settings.matchr", {}, "matchr", "matcher, rows, balance, clean"),
         ("settings.matcher.penalty_smal", 3, "matcher.penalty_smal", "penalty_small"),
         ("settings.matcher.kind", "cenus", "matcher", "census"),
         ("settings.matcher.quality", "finest", "matcher.quality", "'fast' or 'fine'"),
