@@ -101,6 +101,7 @@ def test_pixels_without_a_disparity_do_not_count():
     )
 
 
+@pytest.mark.slow
 def test_unsure_samples_say_less():
     """Half of the samples are off by 2 px, and their sigma tells that they may be."""
     data, unsure = samples(outliers=0.0), np.arange(32_000) % 2 == 0
@@ -123,6 +124,7 @@ def test_too_little_data_is_refused():
         fit(samples(frames=1, each=400))
 
 
+@pytest.mark.slow
 def test_two_fits_differ_by_what_their_covariances_say():
     """Frames drift by 0.2 px, so that fits to eight frames and to eight others differ."""
     ratios = []

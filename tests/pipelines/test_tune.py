@@ -113,6 +113,7 @@ def test_the_same_command_goes_on(tuned, capsys):
     assert json.loads(tuned.read_text()) == before
 
 
+@pytest.mark.slow
 def test_pairs_alone_find_what_is_better_by_truth(capsys, tmp_path):
     out = tmp_path / "blind.json"
     line = ("tune", *ROOM, *SMALL, "--by", "pairs", "--candidates", 30, "--seed", 1)

@@ -47,6 +47,7 @@ def middlebury(real_data):
 
 
 @pytest.mark.parametrize("data", ["kitti", "middlebury"])
+@pytest.mark.slow
 def test_smoothing_gains_on_pixels_with_a_match_and_with_gaps_filled(data, request):
     found = request.getfixturevalue(data)
     (d1, density, epe, filled), smooth = found["matched"], found["smooth"]

@@ -26,6 +26,7 @@ def told(capsys, *arguments):
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_settings_of_a_rendered_room_are_better_on_the_motorcycle(real_data, tmp_path, capsys):
     room = ("synthetic:room:6", "--source.seed", 11, "--source.width-px", 320)
     out = tmp_path / "settings.json"
