@@ -50,10 +50,11 @@ from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, Frame
-from pseudolidar.viewer.address import LOOPBACK, Address
+from pseudolidar.viewer.address import LOOPBACK, PORT, Address
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.comparing.rigs import Fit, RigShop, Seeing, some_frames
 from pseudolidar.viewer.exporting import check_export, draw, export, is_drawn
+from pseudolidar.viewer.means import Means
 from pseudolidar.viewer.opening import RUN_FILE, Opened, Opening
 from pseudolidar.viewer.panels.obstacles import Asked
 from pseudolidar.viewer.reel import SourceReel
@@ -133,7 +134,7 @@ class View:
     rig_unit: RigUnit | None = None
     detector: AnyDetector | None = None
     corridor: Corridor | None = None
-    port: Annotated[int, RUN_ONLY] = 8080
+    port: Annotated[int, RUN_ONLY] = PORT
     host: Annotated[str, RUN_ONLY] = LOOPBACK
     named: Annotated[str | None, RUN_ONLY] = None
     share: Annotated[bool, RUN_ONLY] = False
@@ -206,26 +207,31 @@ def run(job: View) -> ViewReport:
         return made[-1][0]
 
     opened = Opening(reel_of, job.reel_of_run).all_of(job.paths)
-    asked = Asked(job.detector, job.corridor)
-    if job.export is not None and is_drawn(job.export):
-        draw(opened, job.export)
-        return ViewReport(job.export)
     if job.export is not None:
-        with App.made(Address(port=0), opened.in_one_file(), sighted(opened), asked) as app:
-            export(app, job.export)
+        exported(opened, job.export)
         return ViewReport(job.export)
-    ours = bool(made) and opened.reels[0] is made[0][0]
-    shop, rigs = (workshop(job, *made[0]), rig_shop(job, *made[0])) if ours else (None, None)
+    means = Means(sighted(opened), Asked(job.detector, job.corridor))
+    if made and opened.reels[0] is made[0][0]:
+        means = replace(means, workshop=workshop(job, *made[0]), rigs=rig_shop(job, *made[0]))
     # Ctrl-C is the ordinary way out, and no interruption.
     with (
         contextlib.suppress(Stopped),
-        App.served(job.address, opened, sighted(opened), asked, shop, rigs) as app,
+        App.served(job.address, opened, means) as app,
     ):
         print(app.url, file=sys.stderr, flush=True)  # noqa: T201 - printed at once, not at the end
         if job.browser:
             webbrowser.open(app.url)
         app.wait()
     return ViewReport()
+
+
+def exported(opened: Opened, path: Path) -> None:
+    """Write what there is to see to one file."""
+    if is_drawn(path):
+        draw(opened, path)
+        return
+    with App.made(Address(port=0), opened.in_one_file()) as app:
+        export(app, path)
 
 
 def reel_by(job: Convert) -> SourceReel:

@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Callable, Iterator
-from typing import Any, Self
+from collections.abc import Iterator
+from typing import Self
 
-from pseudolidar.running.sighting import Seen
-from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.comparing.joined import joined
-from pseudolidar.viewer.comparing.rigs import RigShop
 from pseudolidar.viewer.drawn_octrees import DrawnOctrees
 from pseudolidar.viewer.drawn_path import DrawnPath
 from pseudolidar.viewer.live_reel import LiveReel
+from pseudolidar.viewer.means import NO_MEANS, Means
 from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.panels.compare import ComparePanel
 from pseudolidar.viewer.panels.detail import DetailPanel
 from pseudolidar.viewer.panels.export import ExportPanel
 from pseudolidar.viewer.panels.help import HelpPanel
 from pseudolidar.viewer.panels.hue import HuePanel
-from pseudolidar.viewer.panels.obstacles import NOTHING_ASKED, Asked, ObstaclesPanel
+from pseudolidar.viewer.panels.obstacles import ObstaclesPanel
 from pseudolidar.viewer.panels.picture import PicturePanel
 from pseudolidar.viewer.panels.points import PointsPanel
 from pseudolidar.viewer.panels.run import RunPanel
@@ -32,7 +30,6 @@ from pseudolidar.viewer.reel import NoFrames, SourceReel
 from pseudolidar.viewer.remembered import RememberedSights
 from pseudolidar.viewer.server import GuardedServer, serve
 from pseudolidar.viewer.stills import StillOctree
-from pseudolidar.viewer.tuning.tuner import Workshop
 from pseudolidar.viewer.view import View
 
 TITLE = "pseudolidar"
@@ -48,22 +45,11 @@ class App:
     Args:
         server: with its guard.
         opened: what is looked at.
-        sighted: a frame to what things in it are measured by; None where they cannot be.
-        asked: what is looked for in frames from the start.
-        workshop: how frames are made by other settings; None where they cannot be.
-        rigs: how frames are made by other rigs; None where they cannot be.
+        means: what can be done with its frames.
     """
 
-    def __init__(
-        self,
-        server: GuardedServer,
-        opened: Opened,
-        sighted: Callable[[Frame], Seen] | None = None,
-        asked: Asked = NOTHING_ASKED,
-        workshop: Workshop[Any] | None = None,
-        rigs: RigShop | None = None,
-    ) -> None:
-        sights = None if sighted is None else RememberedSights(sighted)
+    def __init__(self, server: GuardedServer, opened: Opened, means: Means = NO_MEANS) -> None:
+        sights = None if means.sighted is None else RememberedSights(means.sighted)
         reel = opened.reels[0] if opened.reels else NoFrames()
         self.view = View(server, reel)
         self.companions = joined(self.view, opened.reels)
@@ -82,20 +68,14 @@ class App:
         if opened.reels:
             self.picture = PicturePanel(self.view, sights)
         self.points = PointsPanel(self.view, self.octrees)
-        self._add_tabs(opened, sights, asked, workshop, rigs)
+        self._add_tabs(opened, sights, means)
         self._ended = threading.Event()
 
-    def _add_tabs(
-        self,
-        opened: Opened,
-        sights: RememberedSights | None,
-        asked: Asked,
-        workshop: Workshop[Any] | None,
-        rigs: RigShop | None,
-    ) -> None:
+    def _add_tabs(self, opened: Opened, sights: RememberedSights | None, means: Means) -> None:
         """Panels that are looked at one at a time; what to do comes first where nothing is open."""
         tabs = self.view.gui.add_tab_group()
         reel = self.view.reel
+        workshop = means.workshop
         names = ["Scene", "Tune", "Obstacles", "Compare", "Export", "Help"]
         if workshop is None or not isinstance(reel, SourceReel):
             names.remove("Tune")
@@ -113,10 +93,10 @@ class App:
                 self.hue = HuePanel(self.view, self.picture)
         if "Obstacles" in tab:
             with tab["Obstacles"]:
-                self.obstacles = ObstaclesPanel(self.view, sights, opened.objects, asked)
+                self.obstacles = ObstaclesPanel(self.view, sights, opened.objects, means.asked)
         if "Compare" in tab:
             with tab["Compare"]:
-                self.compare = ComparePanel(self.view, self.companions, rigs)
+                self.compare = ComparePanel(self.view, self.companions, means.rigs)
         with tab["Export"]:
             self.export = ExportPanel(self.view)
         with tab["Help"]:
@@ -134,41 +114,25 @@ class App:
 
     @classmethod
     @contextlib.contextmanager
-    def served(
-        cls,
-        address: Address,
-        opened: Opened,
-        sighted: Callable[[Frame], Seen] | None = None,
-        asked: Asked = NOTHING_ASKED,
-        workshop: Workshop[Any] | None = None,
-        rigs: RigShop | None = None,
-    ) -> Iterator[Self]:
+    def served(cls, address: Address, opened: Opened, means: Means = NO_MEANS) -> Iterator[Self]:
         """Serve what was opened, and end with the block.
 
         Raises:
             ServeError: the address cannot be had.
         """
-        with cls.made(address, opened, sighted, asked, workshop, rigs) as app:
+        with cls.made(address, opened, means) as app:
             app.view.start()
             yield app
 
     @classmethod
     @contextlib.contextmanager
-    def made(
-        cls,
-        address: Address,
-        opened: Opened,
-        sighted: Callable[[Frame], Seen] | None = None,
-        asked: Asked = NOTHING_ASKED,
-        workshop: Workshop[Any] | None = None,
-        rigs: RigShop | None = None,
-    ) -> Iterator[Self]:
+    def made(cls, address: Address, opened: Opened, means: Means = NO_MEANS) -> Iterator[Self]:
         """The same, with nothing drawn yet.
 
         Raises:
             ServeError: the address cannot be had.
         """
-        app = cls(serve(address, label=TITLE), opened, sighted, asked, workshop, rigs)
+        app = cls(serve(address, label=TITLE), opened, means)
         try:
             yield app
         finally:

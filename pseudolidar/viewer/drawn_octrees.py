@@ -98,7 +98,7 @@ class DrawnOctrees:
             origin: (3,) of the line.
             direction: (3,) of the line.
         """
-        T_scene_map = self._stage.T_scene_map
+        T_scene_map = self._stage.placement.T_scene_map
         R, t = T_scene_map[:3, :3], T_scene_map[:3, 3]
         from_m, towards = R.T @ (origin - t), R.T @ direction
         return {
@@ -194,14 +194,14 @@ class DrawnOctrees:
             fov=camera.fov,
             width_px=camera.image_width,
             height_px=camera.image_height,
-            T_map_scene=inverted(self._stage.T_scene_map),
+            T_map_scene=inverted(self._stage.placement.T_scene_map),
         )
 
     def _add(self, client: ClientHandle, node: Node, side_m: float) -> PointCloudHandle:
         name, number = node
         tree = self._trees[name]
         small = tree.half_m[number] <= HALF_PRECISION_M
-        place: Float64 = tree.middles_m[number] - self._stage.origin_m
+        place: Float64 = tree.middles_m[number] - self._stage.placement.origin_m
         return client.scene.add_point_cloud(
             f"{MAP}/{name}/{number}",
             tree.spread_m(number),

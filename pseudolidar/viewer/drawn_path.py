@@ -33,7 +33,7 @@ class DrawnPath:
     def _show(self, moment: Moment) -> None:
         if moment.T_map_forward is None or moment.index in self._places:
             return
-        placed = self._view.stage.in_map(moment.T_map_forward)
+        placed = self._view.stage.placement.local(moment.T_map_forward)
         self._places[moment.index] = placed[:3, 3].astype(np.float32)
         if len(self._places) > MOST_PLACES:
             self._places = dict(list(self._places.items())[::2])

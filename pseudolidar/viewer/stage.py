@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pseudolidar.geometry.quaternion import quaternion_wxyz
-from pseudolidar.geometry.twists import inverted
 from pseudolidar.running.reports.samples import photo_of
 from pseudolidar.structures.arrays import Float32, Float64, UInt8
 from pseudolidar.structures.box import BOX_EDGES, Box3D
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring, Scale
 from pseudolidar.viewer.moment import Moment, Sight
+from pseudolidar.viewer.placement import Placement, moved
 from pseudolidar.viewer.stills import Still, StillCloud, StillOctree, middle_m
 from pseudolidar.viewer.thinned import thinned
 
@@ -60,9 +60,6 @@ STILL_LOOK = Look(most_points=2_000_000)
 class Stage:
     """The scene of a server.
 
-    Everything is placed relative to the first pose that is shown, so that numbers on the wire are
-    small wherever on Earth it is.
-
     Args:
         server: draws.
     """
@@ -80,15 +77,11 @@ class Stage:
         self._mark: Any = None
         self._box: Any = None
         self._sight: Sight | None = None
-        self._T_scene_map = self._T_map_rig = np.eye(4)
-        self._origin: Float64 | None = None
+        self.placement = Placement()
         self.looks: dict[str, Look] = {}
         self.every_still: list[Still] = []
-        self.follow = True
         # (3,) in the frame of the clouds, of a thing that stays where it is; None for nothing.
         self.followed: Callable[[Moment], Float64 | None] = lambda _moment: None
-        self._pinned_m: Float64 | None = None
-        self._shift_m = np.zeros(3)
         self.shown: dict[str, PointCloud] = {}
         self._hidden: frozenset[str] = frozenset()
         self._shifts: Mapping[str, tuple[float, float, float]] = {}
@@ -99,13 +92,13 @@ class Stage:
         if isinstance(still, StillOctree):
             self._coarse.add(still.name)
             still = still.coarse()
-        if self._origin is None:
-            self._origin = middle_m(still)
+        if not self.placement.settled:
+            self.placement.settle(middle_m(still))
         if isinstance(still, StillCloud):
             self._stills[still.name] = still.cloud
             self._put_cloud(still.name)
             return
-        places = (still.places_m - self._origin).astype(np.float32)
+        places = (still.places_m - self.placement.origin_m).astype(np.float32)
         if len(places) > 1:
             segments = np.stack([places[:-1], places[1:]], axis=1)
             self._scene.add_line_segments(
@@ -130,10 +123,10 @@ class Stage:
     def extent_m(self) -> tuple[Float64, float] | None:
         """(3,) middle of what lies still, in the scene, and how large it is; None without."""
         clouds = [cloud.xyz for cloud in self._stills.values() if len(cloud)]
-        if not clouds or self._origin is None:
+        if not clouds:
             return None
         low, high = (np.quantile(np.concatenate(clouds), share, axis=0) for share in (0.02, 0.98))
-        middle = 0.5 * (low + high) - self._origin
+        middle = 0.5 * (low + high) - self.placement.origin_m
         return np.asarray(middle), float(np.linalg.norm(high - low))
 
     def _put_cloud(self, name: str) -> None:
@@ -141,8 +134,7 @@ class Stage:
         look = replace(look, colouring=look.colouring.settled(cloud))
         self.looks[name] = self._drawn_as[name] = look
         drawn = thinned(cloud, look.most_points)
-        assert self._origin is not None
-        points = (drawn.xyz - self._origin).astype(np.float32)
+        points = (drawn.xyz - self.placement.origin_m).astype(np.float32)
         self._update(name, f"{MAP}/{name}", points, look.colouring.colours(drawn), look)
 
     def look(self, name: str) -> Look:
@@ -155,7 +147,7 @@ class Stage:
         self.mark(None)
         self.show_box(None)
         with self._server.atomic():
-            self._place(moment.T_map_forward, self.followed(moment))
+            self._place(moment)
             for name, cloud in moment.clouds.items():
                 self._draw_cloud(name, cloud)
             for name in self._clouds.keys() - moment.clouds.keys() - self._stills.keys():
@@ -178,17 +170,12 @@ class Stage:
     def of_camera(self, xyz_m: Float64) -> Float64 | None:
         """(3,) where a point of the left camera's frame is in the scene; None without a camera."""
         place = self._from_camera(xyz_m)
-        return None if place is None else self.of_rig(place)
-
-    def of_rig(self, xyz_m: Float64) -> Float64:
-        """(3,) where a point of the frame of the clouds is in the scene."""
-        return _moved(self._T_scene_map @ self._T_map_rig, xyz_m)
+        return None if place is None else self.placement.of_rig(place)
 
     def pickable(self) -> Mapping[str, tuple[PointCloud, Float64]]:
         """Clouds that are drawn, by name, each with the (4, 4) pose of its frame in the scene."""
-        T_scene_rig = self._T_scene_map @ self._T_map_rig
-        found = {name: (cloud, T_scene_rig) for name, cloud in self.shown.items()}
-        found |= {name: (cloud, self.T_scene_map) for name, cloud in self._stills.items()}
+        found = {name: (cloud, self.placement.T_scene_rig) for name, cloud in self.shown.items()}
+        found |= {name: (cloud, self.placement.T_scene_map) for name, cloud in self._stills.items()}
         return {
             name: (cloud, _aside(T, self._shifts.get(name, NOWHERE)))
             for name, (cloud, T) in found.items()
@@ -216,18 +203,6 @@ class Stage:
     def _is_visible(self, name: str) -> bool:
         return self.look(name).visible and name not in self._hidden
 
-    @property
-    def origin_m(self) -> Float64:
-        """(3,) the place in the map that all numbers on the wire are relative to."""
-        return np.zeros(3) if self._origin is None else self._origin
-
-    @property
-    def T_scene_map(self) -> Float64:
-        """(4, 4) maps places of the map, as they are in files, into the scene."""
-        T = self._T_scene_map.copy()
-        T[:3, 3] -= T[:3, :3] @ self.origin_m
-        return T
-
     def show_box(self, box: Box3D | None) -> None:
         """Draw a box of the left camera's frame, or none."""
         if self._box is not None:
@@ -252,10 +227,6 @@ class Stage:
             return None
         return np.asarray((self._sight.T_forward_camera @ np.append(xyz_m, 1.0))[:3])
 
-    def let_go(self) -> None:
-        """Hold nothing in place any more, from the next frame on."""
-        self._pinned_m, self._shift_m = None, np.zeros(3)
-
     def show_axes(self, *, shown: bool) -> None:
         """Draw the axes of the rig, or not."""
         self._rig.show_axes = shown
@@ -264,28 +235,13 @@ class Stage:
         """The bar of a cloud's colours; None where they are no numbers."""
         return self.look(name).colouring.scale()
 
-    def in_map(self, T_map_forward: Float64 | None) -> Float64:
-        """(4, 4) a pose relative to the first one shown."""
-        if T_map_forward is None:
-            return np.eye(4)
-        T = T_map_forward.copy()
-        if self._origin is None:
-            self._origin = T[:3, 3].copy()
-        T[:3, 3] -= self._origin
-        return T
-
-    def _place(self, T_map_forward: Float64 | None, followed_m: Float64 | None) -> None:
-        T = self._T_map_rig = self.in_map(T_map_forward)
-        self._rig.wxyz, self._rig.position = quaternion_wxyz(T[:3, :3]), T[:3, 3]
-        # To follow the rig is to move the map under it.
-        T_scene_map = self._T_scene_map = inverted(T) if self.follow else np.eye(4)
-        if followed_m is not None:
-            place = self.of_rig(followed_m)
-            self._pinned_m = place if self._pinned_m is None else self._pinned_m
-            self._shift_m = self._pinned_m - place
-        T_scene_map[:3, 3] += self._shift_m
-        self._map.wxyz = quaternion_wxyz(T_scene_map[:3, :3])
-        self._map.position = T_scene_map[:3, 3]
+    def _place(self, moment: Moment) -> None:
+        self.placement.move(moment.T_map_forward, self.followed(moment))
+        for node, T in (
+            (self._rig, self.placement.T_local_rig),
+            (self._map, self.placement.T_scene_local),
+        ):
+            node.wxyz, node.position = quaternion_wxyz(T[:3, :3]), T[:3, 3]
 
     def _draw_cloud(self, name: str, cloud: PointCloud) -> None:
         look = self.look(name)
@@ -349,10 +305,5 @@ def _small(photo: UInt8) -> UInt8:
 def _aside(T: Float64, shift_m: tuple[float, float, float]) -> Float64:
     """(4, 4) the pose of a frame whose points are moved by so much in it."""
     aside = T.copy()
-    aside[:3, 3] = _moved(T, np.array(shift_m))
+    aside[:3, 3] = moved(T, np.array(shift_m))
     return aside
-
-
-def _moved(T: Float64, place_m: Float64) -> Float64:
-    """(3,) a place through a (4, 4) pose."""
-    return np.asarray(T[:3, :3] @ place_m + T[:3, 3])

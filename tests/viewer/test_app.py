@@ -27,6 +27,7 @@ from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.comparing.pool import Pool
 from pseudolidar.viewer.filming.film import Film
+from pseudolidar.viewer.means import Means
 from pseudolidar.viewer.opening import Opened, Opening
 from pseudolidar.viewer.reel import NoFrames, SourceReel
 from tests.viewer.clients import wait_until
@@ -40,7 +41,7 @@ def app() -> Iterator[App]:
         MatchFrame.load(source, job.matcher, Refining(), SMALL_THINGS_KEPT), GroundFit()
     )
     reel = SourceReel(source, ConvertFrame.of(job, source).converted)
-    with App.served(Address(port=0), Opened((reel,)), sighted) as served:
+    with App.served(Address(port=0), Opened((reel,)), Means(sighted)) as served:
         yield served
 
 
@@ -308,10 +309,10 @@ def test_a_chosen_object_stays_in_place(app: App, opened_page: Page):
     inner.locator('tbody tr[aria-selected="true"]').wait_for(timeout=60_000)
     chosen = app.obstacles.scene.chosen_one
     assert chosen is not None
-    before = app.view.stage.of_rig(chosen.middle_m)
+    before = app.view.stage.placement.of_rig(chosen.middle_m)
     opened_page.get_by_label("Hold the chosen").click()
     for _ in range(1200):  # the click is a message, and drawn with the next tick
-        if app.view.stage._pinned_m is not None:
+        if app.view.stage.placement.holds:
             break
         opened_page.wait_for_timeout(50)
     app.view.step(1)
@@ -323,7 +324,7 @@ def test_a_chosen_object_stays_in_place(app: App, opened_page: Page):
         opened_page.wait_for_timeout(50)
     assert now is not None
     assert now.key == chosen.key
-    assert np.allclose(app.view.stage.of_rig(now.middle_m), before, atol=1e-6)
+    assert np.allclose(app.view.stage.placement.of_rig(now.middle_m), before, atol=1e-6)
     opened_page.get_by_label("Hold the chosen").click()
 
 

@@ -133,7 +133,7 @@ def test_fewer_points_are_drawn_where_fewer_are_wanted(app: App, opened_page: Pa
 def test_a_click_tells_a_fine_point_of_the_file(app: App, opened_page: Page):
     tree = app.octrees._trees[NAME]
     every = tree.cloud(range(len(tree.nodes)))
-    T = app.view.stage.T_scene_map
+    T = app.view.stage.placement.T_scene_map
     eye = np.array([3.0, 7.0, 4.0])
     direction = T[:3, :3] @ every.xyz[-1] + T[:3, 3] - eye  # of the finest nodes
     want = picked({NAME: (every, T)}, eye, direction)

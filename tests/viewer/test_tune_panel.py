@@ -17,6 +17,7 @@ from pseudolidar.formats.pictures.disparity_png import read_disparity_png
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.app import App
+from pseudolidar.viewer.means import Means
 from pseudolidar.viewer.opening import Opened
 
 SOURCE = Synthetic("street", frames=2, width_px=400)
@@ -27,7 +28,7 @@ def app() -> Iterator[App]:
     job = View()
     reel = job.reel_of(SOURCE)
     shop = workshop(job, reel, SOURCE)
-    with App.served(Address(port=0), Opened((reel,)), reel.sighted, workshop=shop) as served:
+    with App.served(Address(port=0), Opened((reel,)), Means(reel.sighted, workshop=shop)) as served:
         yield served
 
 

@@ -196,7 +196,7 @@ class ObstaclesPanel:
         self._again()
 
     def _hold(self) -> None:
-        self._view.stage.let_go()
+        self._view.stage.placement.let_go()
         self._view.redraw()
 
     def _limit(self) -> None:
@@ -251,10 +251,10 @@ class ObstaclesPanel:
         chosen, client = self.scene.chosen_one, event.client
         if chosen is None or client is None:
             return
-        stage = self._view.stage
+        placement = self._view.stage.placement
         behind = chosen.middle_m + np.array([-BEHIND_M, 0.0, ABOVE_M])
-        client.camera.position = stage.of_rig(behind)
-        client.camera.look_at = stage.of_rig(chosen.middle_m)
+        client.camera.position = placement.of_rig(behind)
+        client.camera.look_at = placement.of_rig(chosen.middle_m)
 
     def _choose_one(self, query: Mapping[str, str]) -> Answer:
         """Choose one of the shown objects, or none."""

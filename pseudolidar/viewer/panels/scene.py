@@ -53,7 +53,7 @@ class ScenePanel:
         view.on_shown(self._show)
 
     def _follow(self, *, following: bool) -> None:
-        self._view.stage.follow = following
+        self._view.stage.placement.follow = following
         self._view.redraw()
 
     def _show(self, moment: Moment) -> None:

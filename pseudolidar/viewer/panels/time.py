@@ -57,7 +57,8 @@ class TimePanel:
         follow = gui.add_command("Follow the rig, or stay with the map", hotkey="F")
 
         def switch(_: object) -> None:
-            view.stage.follow = not view.stage.follow
+            placement = view.stage.placement
+            placement.follow = not placement.follow
             view.redraw()
 
         follow.on_trigger(switch)
