@@ -13,6 +13,9 @@ LARGEST = 1e12
 SMALLEST, TURN_OFF = 1e-9, 0.05
 # Pixels of a page, each way.
 MOST_PX = 65_535
+# How a PNG begins: signature, length and name of its header; then width and height.
+# Source: PNG specification, third edition, sections 5.2 and 11.2.1.
+PNG_START, PNG_SIZES = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", slice(16, 24)
 
 Check = Callable[[Any], bool]
 
@@ -56,14 +59,30 @@ def vectors(length: int, most: int) -> Check:
     )
 
 
+_is_vector3, _is_vector4 = vector(3), vector(4)
+
+
 def is_direction(value: Any) -> bool:
     """A vector that points somewhere."""
-    return vector(3)(value) and any(abs(each) > SMALLEST for each in value)
+    return _is_vector3(value) and any(abs(each) > SMALLEST for each in value)
 
 
 def is_turn(value: Any) -> bool:
     """A quaternion of length 1, but for what rounding leaves."""
-    return vector(4)(value) and abs(sum(each * each for each in value) - 1) < TURN_OFF
+    return _is_vector4(value) and abs(sum(each * each for each in value) - 1) < TURN_OFF
+
+
+def is_png_within(most_px: int) -> Check:
+    """The bytes of a PNG whose header promises at most so many pixels; it is not decoded."""
+
+    def check(value: Any) -> bool:
+        if not isinstance(value, bytes) or not value.startswith(PNG_START):
+            return False
+        sizes = value[PNG_SIZES].ljust(8, b"\0")
+        width, height = int.from_bytes(sizes[:4], "big"), int.from_bytes(sizes[4:], "big")
+        return 0 < width * height <= most_px
+
+    return check
 
 
 def within(least: float, most: float) -> Check:

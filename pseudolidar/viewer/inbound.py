@@ -14,6 +14,7 @@ from pseudolidar.viewer.checks import (
     is_direction,
     is_number,
     is_pixels,
+    is_png_within,
     is_text,
     is_turn,
     one_of,
@@ -25,8 +26,9 @@ from pseudolidar.viewer.checks import (
 
 # The longest message of a browser but pictures that it was asked for.
 MESSAGE_BYTES = 65_536
-# A picture that a browser was asked for.
-PICTURE_BYTES = 32 << 20
+# A picture that a browser was asked for. Of the largest usual screen, 5120x2880, it has 14.7 million
+# pixels; of these, as they are decoded, 64 MiB.
+PICTURE_BYTES, MOST_PICTURE_PX = 32 << 20, 1 << 24
 
 _MODIFIER = or_none(is_text)
 _PLACE = vector(3)
@@ -67,7 +69,7 @@ FIELDS: Mapping[str, Mapping[str, Check]] = {
     "CommandTriggerMessage": {"uuid": is_text},
     "GuiUpdateMessage": {"uuid": is_text, "updates": lambda value: isinstance(value, dict)},
     "GetRenderResponseMessage": {
-        "payload": lambda value: isinstance(value, bytes),
+        "payload": is_png_within(MOST_PICTURE_PX),
         "render_uuid": is_text,
     },
 }

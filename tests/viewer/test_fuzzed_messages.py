@@ -16,6 +16,7 @@ import pytest
 from viser._messages import Message
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from pseudolidar.viewer.checks import PNG_START
 from pseudolidar.viewer.inbound import Control
 from pseudolidar.viewer.listener import Listener
 from pseudolidar.viewer.server import GuardedServer
@@ -57,6 +58,11 @@ VALID: list[dict[str, Any]] = [
     | RAY,
     {"type": "TransformControlsUpdateMessage", "name": "/a", "owner": ""} | POSE,
     {"type": "CommandTriggerMessage", "uuid": "c"},
+    {
+        "type": "GetRenderResponseMessage",
+        "payload": PNG_START + bytes((0, 0, 3, 32, 0, 0, 2, 88)),  # 800 x 600
+        "render_uuid": "r",
+    },
 ]
 CONTROLS: dict[str, tuple[Any, Control]] = {
     "slider": (3, Control(5, 0, 10)),
@@ -135,7 +141,7 @@ def test_ten_thousand_messages(caplog: pytest.LogCaptureFixture):
     updates = updates_of({name: name for name in CONTROLS})
     controls = {name: control for name, (_, control) in CONTROLS.items()}
     said = Said(mangled(rng, updates) for _ in range(COUNT))
-    listener = Listener(said, controls.get, lambda: 0)  # type: ignore[arg-type]
+    listener = Listener(said, controls.get, lambda: 1)  # type: ignore[arg-type]
     passed = list[bytes]()
 
     async def listen() -> None:

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from pseudolidar.viewer.checks import TEXT_LENGTH
-from pseudolidar.viewer.inbound import MESSAGE_BYTES, Control, fault_of
+from pseudolidar.formats.pictures.image import encode_png
+from pseudolidar.viewer.checks import PNG_START, TEXT_LENGTH
+from pseudolidar.viewer.inbound import MESSAGE_BYTES, MOST_PICTURE_PX, Control, fault_of
 
 CONTROLS = {
     "slider": Control(5, 0, 10),
@@ -103,10 +104,38 @@ def test_what_no_browser_of_ours_says_is_refused(message: object):
 
 
 def test_long_messages_are_refused_except_pictures_that_were_asked_for():
-    picture = {"type": "GetRenderResponseMessage", "payload": b"x", "render_uuid": "a"}
+    picture = {"type": "GetRenderResponseMessage", "payload": png(600, 800), "render_uuid": "a"}
     assert fault(CAMERA, MESSAGE_BYTES + 1)
     assert fault(picture, 10)
     assert fault(picture, MESSAGE_BYTES + 1, due=1) == ""
+
+
+def png(height: int, width: int) -> bytes:
+    """How a picture begins."""
+    return PNG_START + width.to_bytes(4, "big") + height.to_bytes(4, "big") + b"\x08\x06\0\0\0"
+
+
+def test_pictures_begin_as_they_are_made_here():
+    begun = encode_png(np.zeros((3, 5, 3), np.uint8))
+    assert begun.startswith(png(3, 5)[:24])
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        b"x",
+        "text",
+        png(600, 800)[:17],
+        png(0, 800),
+        png(5000, 5000),
+        png(1, MOST_PICTURE_PX + 1),
+        b"\xff\xd8\xff" + png(600, 800),
+    ],
+)
+def test_pictures_of_many_pixels_or_of_another_kind_are_not_decoded(payload: object):
+    picture = {"type": "GetRenderResponseMessage", "payload": payload, "render_uuid": "a"}
+    assert "payload" in fault(picture, due=1)
 
 
 def test_ten_thousand_mangled_messages_get_a_word_and_no_exception():

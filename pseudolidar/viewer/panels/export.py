@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import html
+import math
 import re
+import threading
 from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any
@@ -20,6 +22,7 @@ from pseudolidar.structures.recorded import RecordedCloud
 from pseudolidar.viewer.answers import Answer
 from pseudolidar.viewer.filming.film import Film
 from pseudolidar.viewer.filming.maker import FilmMaker
+from pseudolidar.viewer.inbound import MOST_PICTURE_PX
 from pseudolidar.viewer.live_reel import LiveReel
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.opening import Opened
@@ -44,6 +47,7 @@ class ExportPanel:
     def __init__(self, view: View) -> None:
         self._view = view
         self._names: tuple[str, ...] = ()
+        self._asked, self._lock = set[int](), threading.Lock()
         view.server.pages |= {"/export/cloud": self._cloud, "/export/scene": self._scene}
         self._links = view.gui.add_html(_links(()))
         picture = view.gui.add_button("This view as PNG")
@@ -96,27 +100,40 @@ class ExportPanel:
         self._told.content = _styled(html.escape(said) or link)
 
     def _send_picture(self, event: Any) -> None:
-        """What the browser that asks has before it, with the background that it has."""
+        """What the browser that asks has before it; one picture of a browser at a time."""
         client = event.client
         if client is None:
             return
+        with self._lock:  # who waits holds a thread that others are heard in
+            if client.client_id in self._asked:
+                return
+            self._asked.add(client.client_id)
         try:
-            pixels = client.get_render(
-                client.camera.image_height,
-                client.camera.image_width,
-                transport_format="png",
-                timeout=PATIENCE_S,
-            )
-        except (TimeoutError, RuntimeError):  # it is hidden, or has gone away
+            pixels = _picture_of(client)
+        finally:
+            with self._lock:
+                self._asked.discard(client.client_id)
+        if pixels is None:
             self._told.content = _styled("this browser sends no picture")
             return
-        behind = DARK if self._view.dark else LIGHT
-        png = encode_png(flattened(pixels, behind))
+        png = encode_png(flattened(pixels, DARK if self._view.dark else LIGHT))
         client.send_file_download(PICTURE_NAME, png, save_immediately=True)
 
     def _scene(self, _query: Mapping[str, str]) -> Answer:
         page = self._view.server.viser.scene.as_html(dark_mode=self._view.dark)
         return Answer(page.encode(), "text/html; charset=utf-8", download=PAGE_NAME)
+
+
+def _picture_of(client: Any) -> UInt8 | None:
+    """(H, W, 4) RGBA of what a browser has before it; None where it sends none of its size."""
+    height, width = client.camera.image_height, client.camera.image_width
+    share = min(1.0, math.sqrt(MOST_PICTURE_PX / max(height * width, 1)))
+    size = int(share * height), int(share * width)
+    try:
+        pixels = client.get_render(*size, transport_format="png", timeout=PATIENCE_S)
+    except (TimeoutError, RuntimeError):  # it is hidden, or has gone away
+        return None
+    return pixels if pixels.shape == (*size, 4) and pixels.dtype == np.uint8 else None
 
 
 def _links(names: tuple[str, ...]) -> str:
