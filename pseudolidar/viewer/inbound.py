@@ -26,8 +26,8 @@ from pseudolidar.viewer.checks import (
 
 # The longest message of a browser but pictures that it was asked for.
 MESSAGE_BYTES = 65_536
-# A picture that a browser was asked for. Of the largest usual screen, 5120x2880, it has 14.7 million
-# pixels; of these, as they are decoded, 64 MiB.
+# A picture that a browser was asked for. A screen of 5120x2880 has 14.7 million pixels; as many as
+# these hold 64 MiB when they are decoded.
 PICTURE_BYTES, MOST_PICTURE_PX = 32 << 20, 1 << 24
 
 _MODIFIER = or_none(is_text)

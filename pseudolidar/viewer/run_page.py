@@ -68,8 +68,7 @@ class RunPage(Newest[Shown]):
     def lay(self, name: str, cloud: PointCloud | None) -> None:
         """Draw what the run has made of all frames, such as a map; nothing of nothing."""
         if cloud is not None:
-            self._app.view.stage.put(StillCloud(name, cloud))
-            self._app.view.redraw()
+            self._app.view.lay(StillCloud(name, cloud))
 
     def finish(self) -> None:
         """Say that the run has ended."""

@@ -95,7 +95,8 @@ class Stage:
         if not self.placement.settled:
             self.placement.settle(middle_m(still))
         if isinstance(still, StillCloud):
-            self._stills[still.name] = still.cloud
+            # Who goes through the clouds in another thread goes on with those it began with.
+            self._stills = {**self._stills, still.name: still.cloud}
             self._put_cloud(still.name)
             return
         places = (still.places_m - self.placement.origin_m).astype(np.float32)
@@ -143,13 +144,12 @@ class Stage:
 
     def show(self, moment: Moment) -> None:
         """Draw a frame in the place of the one before."""
-        self.shown, self._sight = {}, moment.sight
+        self._sight = moment.sight
         self.mark(None)
         self.show_box(None)
         with self._server.atomic():
             self._place(moment)
-            for name, cloud in moment.clouds.items():
-                self._draw_cloud(name, cloud)
+            self.shown = {name: self._draw_cloud(name, one) for name, one in moment.clouds.items()}
             for name in self._clouds.keys() - moment.clouds.keys() - self._stills.keys():
                 self._clouds[name].visible = False
             for name in self._stills:
@@ -243,14 +243,15 @@ class Stage:
         ):
             node.wxyz, node.position = quaternion_wxyz(T[:3, :3]), T[:3, 3]
 
-    def _draw_cloud(self, name: str, cloud: PointCloud) -> None:
+    def _draw_cloud(self, name: str, cloud: PointCloud) -> PointCloud:
+        """What of its points is drawn."""
         look = self.look(name)
         settled = replace(look, colouring=look.colouring.settled(cloud))
         self.looks[name] = settled
         drawn = thinned(cloud, look.most_points, settled.colouring.telling(cloud))
-        self.shown[name] = drawn
         points, colours = drawn.xyz.astype(np.float32), settled.colouring.colours(drawn)
         self._update(name, f"{RIG}/{name}", points, colours, settled)
+        return drawn
 
     def _update(self, name: str, node: str, points: Float32, colours: UInt8, look: Look) -> None:
         handle = self._clouds.get(name)

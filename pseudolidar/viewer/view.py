@@ -15,6 +15,7 @@ from pseudolidar.viewer.ready import AHEAD, Ready
 from pseudolidar.viewer.reel import Reel
 from pseudolidar.viewer.server import GuardedServer
 from pseudolidar.viewer.stage import Stage
+from pseudolidar.viewer.stills import Still
 from pseudolidar.viewer.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ class View:
         self._awaited: list[Callable[[Moment], bool]] = []
         self._lock = threading.RLock()
         self._stale = True
+        self._laid: list[Still] = []
         self._trial: Trial | None = None
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
@@ -102,6 +104,12 @@ class View:
     def redraw(self) -> None:
         """Draw the shown frame again: how it looks has changed."""
         with self._lock:
+            self._stale = True
+
+    def lay(self, still: Still) -> None:
+        """Draw what does not change, before the next frame; from any thread."""
+        with self._lock:
+            self._laid.append(still)
             self._stale = True
 
     def remake(self) -> None:
@@ -211,6 +219,10 @@ class View:
 
     def tick(self, now_s: float) -> None:
         """Draw the frame that it is time for, if it is ready and not drawn."""
+        with self._lock:
+            laid, self._laid = self._laid, []
+        for still in laid:
+            self.stage.put(still)
         with self._lock:
             timeline = self.timeline
             if timeline.due(now_s) and self._may_follow(timeline.following):

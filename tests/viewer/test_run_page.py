@@ -49,6 +49,16 @@ def onlooker() -> Iterator[RunPage[int]]:
         yield page
 
 
+def drawn_by(names: list[str], draw: Callable[..., None]) -> Callable[..., None]:
+    """The same, and it is noted which thread does it."""
+
+    def noted(what: object) -> None:
+        names.append(threading.current_thread().name)
+        draw(what)
+
+    return noted
+
+
 def until(true: Callable[[], bool]) -> None:
     deadline_s = time.monotonic() + 10
     while not true():
@@ -92,8 +102,12 @@ def test_a_frame_that_cannot_be_shown_ends_nothing(caplog: pytest.LogCaptureFixt
     assert "cannot be shown" in caplog.text
 
 
-def test_the_way_grows_and_a_map_is_laid_down(onlooker: RunPage[int]):
+def test_the_way_grows_and_a_map_is_laid_down(
+    onlooker: RunPage[int], monkeypatch: pytest.MonkeyPatch
+):
     view = onlooker._app.view
+    drawing = list[str]()
+    monkeypatch.setattr(view.stage, "put", drawn_by(drawing, view.stage.put))
     for index in range(3):
         onlooker.show(index, index)
         until(lambda number=index: view.moment is not None and view.moment.id == f"id{number}")
@@ -104,6 +118,7 @@ def test_the_way_grows_and_a_map_is_laid_down(onlooker: RunPage[int]):
     onlooker.lay("none", None)
     until(lambda: "map" in onlooker._app.scene._folders)
     assert set(view.stage.stills) == {"map"}
+    assert drawing == ["viewer"]
 
 
 def test_a_page_tells_how_far_the_run_is_and_stays_where_it_is_told_to(

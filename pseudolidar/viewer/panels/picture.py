@@ -115,13 +115,15 @@ class PicturePanel:
         return Answer(encode_jpeg(pixels), "image/jpeg")
 
     def _pixel(self, query: Mapping[str, str]) -> Answer:
-        converted, place = self._converted, _numbers(query, "x", "y")
+        moment, place = self._view.moment, _numbers(query, "x", "y")
+        converted = None if moment is None else moment.converted
         if converted is None or place is None or not kinds(converted):
             return _json({"text": ""})
         pixel = pixel_of(converted, *place)
         if "mark" in query:
             known = np.isfinite(pixel.depth_m)
-            self._view.stage.mark(self._view.stage.of_camera(pixel.xyz_m) if known else None)
+            if self._view.moment is moment:
+                self._view.stage.mark(self._view.stage.of_camera(pixel.xyz_m) if known else None)
             for picker in self._pickers:
                 picker(*place)
         return _json({"text": pixel.text})
@@ -139,7 +141,8 @@ class PicturePanel:
             (obstacle,) = measured(sight, [Detection(THING, (left, top, right, bottom))])
         except PseudolidarError as error:
             return _json({"text": str(error)})
-        self._view.stage.show_box(obstacle.box)
+        if self._view.moment is moment:  # else the box is of a frame that is seen no more
+            self._view.stage.show_box(obstacle.box)
         return _json({"text": _said(obstacle), "distance_m": obstacle.distance_m})
 
     def _layers_of(self, moment: Moment | None) -> dict[str, Layer]:

@@ -49,8 +49,9 @@ class PointsPanel:
         place = np.asarray(T[:3, :3] @ found.xyz_m + T[:3, 3])
         stage.mark(place)
         lines = [f"**{escaped(found.cloud)}** {found.text}"]
-        if self._last is not None:
-            before, there = self._last
+        last = self._last  # a frame that is drawn meanwhile makes it None
+        if last is not None:
+            before, there = last
             apart_m = float(np.linalg.norm(place - there))
             lines += [f"before: {before.text}", f"**{apart_m:.3f} m** apart"]
         self._last = found, place

@@ -102,7 +102,7 @@ class CloudControls:
     def _set_colouring(self) -> None:
         colouring = self._view.stage.look(self._name).colouring
         self._set(colouring=replace(colouring, by=self._by.value, low=None, high=None))
-        looks = self._view.stage.looks.values()
+        looks = tuple(self._view.stage.looks.values())
         self._view.judge(wanted=any(look.colouring.by == "error" for look in looks))
 
     def _set(self, **changes: Any) -> None:
