@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pseudolidar.geometry.path_length import length_m
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.octree.tree import Octree
@@ -52,7 +53,7 @@ class StillPath:
     @property
     def length_m(self) -> float:
         """From pose to pose."""
-        return float(np.linalg.norm(np.diff(self.places_m, axis=0), axis=1).sum())
+        return length_m(self.places_m)
 
 
 @dataclass(frozen=True, eq=False)

@@ -119,9 +119,10 @@ class View:
 
     def made(self, index: int) -> Moment:
         """A frame with all that is added to it; callable from any thread."""
-        return self._finished(self.reel.load(index))
+        return self.finished(self.reel.load(index))
 
-    def _finished(self, moment: Moment) -> Moment:
+    def finished(self, moment: Moment) -> Moment:
+        """A frame with all that is added to every one."""
         for finish in tuple(self.finishing.values()):
             moment = finish(moment)
         return moment
@@ -154,7 +155,7 @@ class View:
             moment: its frame.
             last: whether it stays, as if it had been made ready as others are.
         """
-        moment = self._finished(moment)
+        moment = self.finished(moment)
         with self._lock:
             if trial is not self._trial:
                 return

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from types import SimpleNamespace
 
 import msgspec
@@ -10,12 +11,14 @@ import numpy as np
 import pytest
 from websockets.sync.client import ClientConnection
 
+from pseudolidar.errors import CloudEmpty
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.inbound import MOST_PICTURE_PX
 from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.panels.export import ExportPanel
 from tests.viewer.clients import looking, wait_until
+from tests.viewer.test_filming import Frames
 from tests.viewer.test_inbound import CAMERA
 
 # More than viser has threads for what browsers press, and than may come at once.
@@ -101,3 +104,11 @@ def test_of_larger_pages_a_smaller_picture_is_asked_for(app: App):
         ((asked_height, asked_width),) = client.asked
         assert asked_height * asked_width <= MOST_PICTURE_PX
         assert asked_height * width == pytest.approx(asked_width * height, rel=1e-3)
+
+
+def test_a_film_is_of_frames_as_they_are_shown_and_ends_with_the_page():
+    with App.made(Address(port=0), Opened((Frames(),))) as app:
+        app.view.finishing["any"] = lambda moment: replace(moment, clouds={}, fault="none wanted")
+        with pytest.raises(CloudEmpty, match="none wanted"):
+            list(app.export._film_of_shown().shots)
+    assert not app.export._maker.ask()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,20 +13,23 @@ import pytest
 
 from pseudolidar.cli import main
 from pseudolidar.errors import CloudEmpty
+from pseudolidar.evaluation.cloud_views import Eye
 from pseudolidar.evaluation.pictures import NOTHING
 from pseudolidar.formats.pictures.image import read_image
 from pseudolidar.formats.points.ply import write_ply
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring
-from pseudolidar.viewer.filming.film import Film, write_film
-from pseudolidar.viewer.filming.flights import Chase, along, behind, between, turntable
+from pseudolidar.viewer.filming.film import Film, write_film, write_picture
+from pseudolidar.viewer.filming.flights import RATE_HZ, Chase, along, behind, between, turntable
 from pseudolidar.viewer.filming.maker import MOST_PICTURES, FilmMaker
 from pseudolidar.viewer.filming.moving import pictures_of
-from pseudolidar.viewer.filming.painted import Painter, evenly
+from pseudolidar.viewer.filming.painted import MOST_POINTS, Painter, evenly
+from pseudolidar.viewer.filming.shot import Shot
 from pseudolidar.viewer.moment import Moment
+from pseudolidar.viewer.octree.build import built
 from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.stage import PATH_COLOUR, Look
-from pseudolidar.viewer.stills import StillCloud, StillPath
+from pseudolidar.viewer.stills import StillCloud, StillOctree, StillPath
 
 FAR = np.array([4.5e5, 5.4e6, 100.0])
 SMALL = (160, 90)
@@ -114,10 +117,41 @@ def test_frames_are_shown_as_long_as_they_last_and_the_eye_comes_after():
     assert np.abs(shots[0].cloud.xyz).max() < 40  # relative to the first pose, and float32
 
 
-def test_a_frame_that_shows_nothing_does_not_end_a_film():
-    shots = list(Film.of(Opened((Frames(fault=1),)), size_px=SMALL).shots)
+@pytest.mark.parametrize(("fault", "at"), [(0, 0), (1, 5), (2, 9)])
+def test_a_frame_that_shows_nothing_does_not_end_a_film(fault: int, at: int):
+    shots = list(Film.of(Opened((Frames(fault=fault),)), size_px=SMALL).shots)
     assert len(shots) == 10
-    assert len(shots[5].cloud) == 0
+    assert len(shots[at].cloud) == 0
+    eyes = np.array([shot.eye.at_m for shot in shots])
+    assert np.ptp(eyes, axis=0).max() < 3  # and the eye stays where the rig is
+
+
+class Dark(Frames):
+    """A sequence of which nothing can be shown."""
+
+    def load(self, index: int) -> Moment:
+        return Moment(self.ids[index], index, fault=f"dark {index}")
+
+
+@pytest.mark.parametrize("write", [write_picture, lambda film, to: write_film(film, to, bool)])
+def test_a_sequence_that_shows_nothing_gives_neither_film_nor_picture(
+    tmp_path: Path, write: Callable[[Film, Path], None]
+):
+    film = Film.of(Opened((Dark(),)), size_px=SMALL)
+    with pytest.raises(CloudEmpty, match="dark 0"):
+        write(film, tmp_path / "a.mp4")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_picture_is_of_the_first_frame_that_shows_anything(tmp_path: Path):
+    write_picture(Film.of(Opened((Frames(fault=0),)), size_px=SMALL), tmp_path / "a.png")
+    pixels = read_image(tmp_path / "a.png").pixels
+    assert (pixels != NOTHING).any(axis=2).mean() > 0.1
+
+
+def test_frames_of_a_film_are_made_as_somebody_says():
+    film = Film.of(Opened((Dark(),)), size_px=SMALL, load=Frames().load)
+    assert all(len(shot.cloud) for shot in film.shots)
 
 
 def test_times_that_stand_still_or_jump_give_a_film():
@@ -135,6 +169,22 @@ def test_colours_are_those_of_the_page_and_stay():
     assert again.rgb is not None
     assert np.array_equal(first.rgb, again.rgb[::-1])
     assert not painter.visible("b")
+
+
+def test_of_a_large_cloud_as_much_is_drawn_as_shows():
+    tree = built(ground())
+    drawn = Painter({}, FAR).still(StillOctree("large", tree))
+    assert len(drawn) == len(tree) == 4000
+    assert len(tree) < MOST_POINTS
+
+
+def test_a_point_is_drawn_as_large_as_it_is():
+    one = PointCloud(np.float32([[10, 0, 0]]), "map", rgb=np.uint8([RED]))
+    eye = Eye((0.0, 0.0, 0.0), (10.0, 0.0, 0.0), *SMALL)
+    side_px = eye.focal_px * 0.5 / 10
+    assert side_px == pytest.approx(5.7, abs=0.1)
+    drawn_px = np.sqrt((Shot(one, eye, 0.5).drawn()[:, :, 0] > 128).sum())
+    assert drawn_px == pytest.approx(side_px, abs=1)
 
 
 def test_places_are_even_and_bends_are_rounded():
@@ -164,6 +214,7 @@ def test_a_film_is_written_whole_or_not_at_all(tmp_path: Path):
         frames = list(container.decode(video=0))
     assert len(frames) == len(told) == 10
     assert (frames[0].width, frames[0].height) == SMALL
+    assert frames[-1].time == pytest.approx(9 / RATE_HZ)
 
     def stopped() -> None:
         raise KeyboardInterrupt
@@ -210,3 +261,23 @@ def test_one_film_is_made_at_a_time_and_a_fault_blocks_no_other():
         long._busy.acquire()
         long._busy.release()
         assert "pseudolidar view PATH --export" in told[-1]
+
+
+def test_a_film_that_nobody_waits_for_is_given_up(caplog: pytest.LogCaptureFixture):
+    begun = threading.Event()
+
+    def endless() -> Iterator[Shot]:
+        (first, *_) = Film.of(Opened((Frames(),)), size_px=SMALL).shots
+        while True:
+            begun.set()
+            yield first
+
+    maker = FilmMaker(lambda: Film(MOST_PICTURES, endless()), lambda _said: None)
+    assert maker.ask()
+    assert begun.wait(10)
+    maker.stop()
+    assert maker._thread is not None
+    assert not maker._thread.is_alive()
+    assert maker.made is None
+    assert not maker.ask()
+    assert not [record for record in caplog.records if record.levelname == "ERROR"]

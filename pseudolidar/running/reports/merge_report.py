@@ -11,6 +11,7 @@ import numpy as np
 from pseudolidar.errors import ALL_DONE, SOME_SKIPPED
 from pseudolidar.geometry.cloud_frames import CloudFrame
 from pseudolidar.geometry.frames import MAP, ODOM
+from pseudolidar.geometry.path_length import length_m
 from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.running.one_cloud import skipped_lines
 from pseudolidar.structures.arrays import Float64
@@ -77,7 +78,7 @@ class MergeReport:
     def path_m(self) -> float:
         """How far the clouds' own frame moves in the common one."""
         places = np.array([part.origin_m for part in self.parts])
-        return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+        return length_m(places)
 
     @property
     def poses(self) -> str:

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from pseudolidar.errors import CloudEmpty
 from pseudolidar.evaluation.cloud_views import Eye
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.pictures.image import encode_png
 from pseudolidar.formats.video.mp4 import TICKS_PER_S, write_mp4
 from pseudolidar.structures.arrays import Float64, UInt8
 from pseudolidar.structures.cloud import PointCloud
-from pseudolidar.viewer.filming.flights import RATE_HZ, along, turntable
+from pseudolidar.viewer.filming.flights import RATE_HZ, along, sized, turntable
 from pseudolidar.viewer.filming.moving import moving_shots, pictures_of
-from pseudolidar.viewer.filming.painted import Painter, joined
+from pseudolidar.viewer.filming.painted import Painter, joined, nothing_seen
 from pseudolidar.viewer.filming.shot import Shot
+from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.stage import Look
 from pseudolidar.viewer.stills import Still, StillCloud, StillOctree, StillPath, middle_m
@@ -46,6 +46,7 @@ class Film:
         opened: Opened,
         looks: Mapping[str, Look] | None = None,
         size_px: tuple[int, int] = FILM_PX,
+        load: Callable[[int], Moment] | None = None,
     ) -> Film:
         """A film of what was opened: through its first sequence, along its path, or round it.
 
@@ -53,22 +54,22 @@ class Film:
             opened: what is looked at.
             looks: how clouds look, by name; of others what suits them.
             size_px: of its pictures.
+            load: makes the frames of that sequence; None to make them as the sequence does.
 
         Raises:
-            CloudEmpty: there is nothing to be seen.
+            CloudEmpty: there is nothing to be seen; of a sequence the film itself raises it, in
+                place of its end.
         """
         looks = looks or {}
         if opened.reels:
-            shots = moving_shots(opened.reels[0], opened.stills, looks, size_px)
-            return cls(sum(pictures_of(opened.reels[0])), shots)
+            pictures = pictures_of(opened.reels[0])
+            load = load or opened.reels[0].load
+            return cls(sum(pictures), moving_shots(load, pictures, opened.stills, looks, size_px))
         origin = middle_m(opened.stills[0]) if opened.stills else np.zeros(3)
         painter = Painter(looks, origin)
         cloud = joined([painter.still(one) for one in opened.stills if painter.visible(one.name)])
         if not len(cloud):
-            raise CloudEmpty(
-                "nothing that could be seen in a film", want="a cloud, a map, or a sequence",
-                fix="Give a path with points in it.",
-            )  # fmt: skip
+            raise nothing_seen()
         eyes = _eyes(cloud, opened.stills, origin, size_px)
         point_m = spacing_m(cloud)
         return cls(len(eyes), (Shot(cloud, eye, point_m) for eye in eyes))
@@ -90,6 +91,7 @@ def write_film(film: Film, path: Path, told: Callable[[], None]) -> None:
         told: called with each picture.
 
     Raises:
+        CloudEmpty: there is nothing to be seen.
         OutputError: the disk is full or gone.
     """
     tick = TICKS_PER_S // RATE_HZ
@@ -103,12 +105,14 @@ def write_film(film: Film, path: Path, told: Callable[[], None]) -> None:
 
 
 def write_picture(film: Film, path: Path) -> None:
-    """Write the first picture of a film as PNG.
+    """Write the first picture of a film that has points in it as PNG.
 
     Raises:
+        CloudEmpty: there is nothing to be seen.
         OutputError: the disk is full or gone.
     """
-    write_atomic(path, encode_png(next(film.shots).drawn()))
+    first = next(shot for shot in film.shots if len(shot.cloud))
+    write_atomic(path, encode_png(first.drawn()))
 
 
 def _eyes(
@@ -120,8 +124,3 @@ def _eyes(
             if isinstance(path, StillPath) and path.length_m > 0:
                 return [sized(eye, size_px) for eye in along(path.places_m - origin)]
     return [sized(eye, size_px) for eye in turntable(np.asarray(cloud.xyz, np.float32))]
-
-
-def sized(eye: Eye, size_px: tuple[int, int]) -> Eye:
-    """The same eye for pictures of another size."""
-    return replace(eye, width_px=size_px[0], height_px=size_px[1])

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pseudolidar.evaluation.cloud_views import Eye
+from pseudolidar.geometry.path_length import length_m
 from pseudolidar.structures.arrays import Float32, Float64
 from pseudolidar.viewer.filming.painted import evenly
 
@@ -48,9 +49,9 @@ def along(places_m: Float64) -> list[Eye]:
     Args:
         places_m: (N, 3) of it; at least two that are not the same.
     """
-    length_m = float(np.linalg.norm(np.diff(places_m, axis=0), axis=1).sum())
-    count = round(float(np.clip(length_m / SPEED_M_S, LEAST_S, MOST_S)) * RATE_HZ)
-    places = _smooth(evenly(places_m, count), length_m / count)
+    way_m = length_m(places_m)
+    count = round(float(np.clip(way_m / SPEED_M_S, LEAST_S, MOST_S)) * RATE_HZ)
+    places = _smooth(evenly(places_m, count), way_m / count)
     steps = np.gradient(places, axis=0)
     return [behind(place, step) for place, step in zip(places, steps, strict=True)]
 
@@ -85,6 +86,11 @@ class Chase:
             target = between(self.eye, target, float(1 - np.exp(-seconds / LAG_S)))
         self.eye = target
         return target
+
+
+def sized(eye: Eye, size_px: tuple[int, int]) -> Eye:
+    """The same eye for pictures of another size (width, height)."""
+    return replace(eye, width_px=size_px[0], height_px=size_px[1])
 
 
 def between(one: Eye, other: Eye, share: float) -> Eye:

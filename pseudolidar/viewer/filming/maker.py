@@ -18,6 +18,10 @@ MOST_PICTURES = 1500
 TOLD_EVERY = 10
 
 
+class GivenUp(Exception):
+    """The film is not made."""
+
+
 class FilmMaker:
     """Makes one film at a time.
 
@@ -28,21 +32,31 @@ class FilmMaker:
 
     def __init__(self, film: Callable[[], Film], tell: Callable[[str], None]) -> None:
         self._film, self._tell = film, tell
-        self._busy = threading.Lock()
+        self._busy, self._ended = threading.Lock(), threading.Event()
+        self._thread: threading.Thread | None = None
         self.made: bytes | None = None
 
     def ask(self) -> bool:
-        """Have a film made; False where one is being made already."""
-        if not self._busy.acquire(blocking=False):
+        """Have a film made; False where one is being made already, or none is made any more."""
+        if self._ended.is_set() or not self._busy.acquire(blocking=False):
             return False
-        threading.Thread(target=self._make, name="film", daemon=True).start()
+        self._thread = threading.Thread(target=self._make, name="film", daemon=True)
+        self._thread.start()
         return True
+
+    def stop(self) -> None:
+        """Make no more films; the one that is being made is given up."""
+        self._ended.set()
+        if self._thread is not None:
+            self._thread.join()
 
     def _make(self) -> None:
         try:
             self._tell("the film is begun ...")
             self.made = self._bytes_of(self._film())
             self._tell("")
+        except GivenUp:
+            _log.info("the film was given up")
         except PseudolidarError as error:
             self._tell(str(error))
         except Exception:  # a film that fails must not block the next one
@@ -62,6 +76,8 @@ class FilmMaker:
 
         def told() -> None:
             nonlocal done
+            if self._ended.is_set():
+                raise GivenUp
             done += 1
             if done % TOLD_EVERY == 0:
                 self._tell(f"the film is {done / film.count:.0%} made ...")

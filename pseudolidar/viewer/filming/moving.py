@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +10,8 @@ import numpy as np
 from pseudolidar.evaluation.cloud_views import Eye
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
-from pseudolidar.viewer.filming.flights import RATE_HZ, Chase, behind, between
-from pseudolidar.viewer.filming.painted import Painter, joined
+from pseudolidar.viewer.filming.flights import RATE_HZ, Chase, behind, between, sized
+from pseudolidar.viewer.filming.painted import Painter, joined, nothing_seen
 from pseudolidar.viewer.filming.shot import Shot
 from pseudolidar.viewer.moment import STEREO, Moment
 from pseudolidar.viewer.reel import Reel
@@ -25,27 +25,50 @@ FORWARD = np.array([1.0, 0.0, 0.0])
 
 
 def moving_shots(
-    reel: Reel, stills: Sequence[Still], looks: Mapping[str, Look], size_px: tuple[int, int]
+    load: Callable[[int], Moment],
+    wanted: Sequence[int],
+    stills: Sequence[Still],
+    looks: Mapping[str, Look],
+    size_px: tuple[int, int],
 ) -> Iterator[Shot]:
     """Each frame as long as it lasts, where it is in the map, and what lies still.
 
     Args:
-        reel: the frames.
+        load: makes a frame, by its number.
+        wanted: how many pictures each frame is shown for.
         stills: drawn with each of them.
         looks: how clouds look, by name.
         size_px: of the pictures.
+
+    Raises:
+        CloudEmpty: not one picture shows anything.
     """
-    wanted, following, chase = pictures_of(reel), reel.load(0), Chase()
-    origin = np.zeros(3) if following.T_map_forward is None else following.T_map_forward[:3, 3]
+    following, chase = load(0), Chase()
+    shown = (one for one in map(load, range(1, len(wanted))) if not one.fault)
+    first = next(shown, None) if following.fault else following
+    if first is None:
+        raise nothing_seen(following.fault)
+    following = _placed(following, first)
+    origin = np.zeros(3) if first.T_map_forward is None else first.T_map_forward[:3, 3]
     painter = Painter(looks, origin)
     still = joined([painter.still(one) for one in stills if painter.visible(one.name)])
+    seen, fault = False, ""
     for index, pictures in enumerate(wanted):
-        moment, following = following, reel.load(min(index + 1, len(wanted) - 1))
+        ahead = load(min(index + 1, len(wanted) - 1))
+        moment, following = following, _placed(ahead, following)
         cloud = joined([*_painted(moment, painter), still])
+        seen, fault = seen or len(cloud) > 0, fault or moment.fault
         eyes = [_eye_behind(one, origin, size_px) for one in (moment, following)]
         for number in range(pictures):
             target = between(eyes[0], eyes[1], number / pictures)
             yield Shot(cloud, chase.follow(target, 1 / RATE_HZ), POINT_M)
+    if not seen:
+        raise nothing_seen(fault)
+
+
+def _placed(moment: Moment, before: Moment) -> Moment:
+    """A frame; one that cannot be shown is where the one before it is."""
+    return replace(moment, T_map_forward=before.T_map_forward) if moment.fault else moment
 
 
 def pictures_of(reel: Reel) -> list[int]:
@@ -59,7 +82,7 @@ def pictures_of(reel: Reel) -> list[int]:
 def _eye_behind(moment: Moment, origin: Float64, size_px: tuple[int, int]) -> Eye:
     T = moment.T_map_forward
     eye = behind(-origin, FORWARD) if T is None else behind(T[:3, 3] - origin, T[:3, 0])
-    return replace(eye, width_px=size_px[0], height_px=size_px[1])
+    return sized(eye, size_px)
 
 
 def _painted(moment: Moment, painter: Painter) -> list[PointCloud]:

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from pseudolidar.errors import CloudEmpty
+from pseudolidar.geometry.path_length import travelled_m
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring, ways
@@ -75,6 +77,19 @@ class Painter:
         return self._colourings[name]
 
 
+def nothing_seen(why: str = "") -> CloudEmpty:
+    """What there is no film of.
+
+    Args:
+        why: what was said of it; "" where nothing was.
+    """
+    return CloudEmpty(
+        "nothing that could be seen in a film" + (f": {why}" if why else ""),
+        want="a cloud, a map, or a sequence",
+        fix="Give a path with points in it.",
+    )
+
+
 def joined(clouds: Sequence[PointCloud]) -> PointCloud:
     """Painted clouds as one."""
     xyz = [cloud.xyz for cloud in clouds] or [np.zeros((0, 3), np.float32)]
@@ -84,6 +99,6 @@ def joined(clouds: Sequence[PointCloud]) -> PointCloud:
 
 def evenly(places_m: Float64, count: int) -> Float64:
     """(M, 3) so many places along a line, as far from one another as the next ones."""
-    way = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(places_m, axis=0), axis=1))])
+    way = travelled_m(places_m)
     at = np.linspace(0, way[-1], count)
     return np.stack([np.interp(at, way, axis) for axis in places_m.T], axis=1)

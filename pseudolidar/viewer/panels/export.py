@@ -54,6 +54,7 @@ class ExportPanel:
         film = view.gui.add_button("Film (MP4)")
         self._told = view.gui.add_html("")
         self._maker = FilmMaker(self._film_of_shown, self._tell)
+        view.on_stop(self._maker.stop)
         view.server.pages["/export/film"] = self._film
         picture.on_click(self._send_picture)
         film.on_click(self._make_film)
@@ -82,9 +83,13 @@ class ExportPanel:
         )
 
     def _film_of_shown(self) -> Film:
-        view = self._view
-        reels = () if isinstance(view.reel, NoFrames | LiveReel) else (view.reel,)
-        return Film.of(Opened(reels, tuple(view.stage.every_still)), dict(view.stage.looks))
+        view, reel = self._view, self._view.reel
+        opened = Opened(
+            () if isinstance(reel, NoFrames | LiveReel) else (reel,), tuple(view.stage.every_still)
+        )
+        return Film.of(
+            opened, dict(view.stage.looks), load=lambda index: view.finished(reel.load(index))
+        )
 
     def _make_film(self, _event: object) -> None:
         self._maker.ask()
