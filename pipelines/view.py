@@ -177,7 +177,7 @@ class View:
 
     def reel_of(self, source: Source) -> SourceReel:
         """The frames of a source, made into clouds when they are looked at."""
-        return reel_by(self.conversion(source))
+        return replace(reel_by(self.conversion(source)), origin=source)
 
     def reel_of_run(self, folder: Path) -> SourceReel | None:
         """The frames that a run saw, as it saw them; None, and why, where they are gone."""
@@ -186,7 +186,9 @@ class View:
             told = {name: settings[name] for name in OF_FRAMES if name in settings}
             job = from_json(Convert, told, where=RUN_FILE)
             return reel_by(replace(job, clean=self.clean))
-        except (OSError, ValueError, KeyError, TypeError, PseudolidarError) as error:
+        except (
+            OSError, ValueError, KeyError, TypeError, RecursionError, PseudolidarError,
+        ) as error:  # fmt: skip
             _log.warning("%s: its source cannot be opened: %s", folder, error)
             return None
 
@@ -200,23 +202,14 @@ def run(job: View) -> ViewReport:
     """
     if job.export is not None:
         check_export(job.export)
-    made: list[tuple[SourceReel, Source]] = []
-
-    def reel_of(source: Source) -> SourceReel:
-        made.append((job.reel_of(source), source))
-        return made[-1][0]
-
-    opened = Opening(reel_of, job.reel_of_run).all_of(job.paths)
+    opened = Opening(job.reel_of, job.reel_of_run).all_of(job.paths)
     if job.export is not None:
         exported(opened, job.export)
         return ViewReport(job.export)
-    means = Means(sighted(opened), Asked(job.detector, job.corridor))
-    if made and opened.reels[0] is made[0][0]:
-        means = replace(means, workshop=workshop(job, *made[0]), rigs=rig_shop(job, *made[0]))
     # Ctrl-C is the ordinary way out, and no interruption.
     with (
         contextlib.suppress(Stopped),
-        App.served(job.address, opened, means) as app,
+        App.served(job.address, opened, means_of(job, opened)) as app,
     ):
         print(app.url, file=sys.stderr, flush=True)  # noqa: T201 - printed at once, not at the end
         if job.browser:
@@ -257,21 +250,23 @@ def measuring(job: Convert, frames: FrameSequence[Frame]) -> Callable[[Frame], S
     return SightFrame.of(match, GroundFit(), searched_px=searched_px)
 
 
-def sighted(opened: Opened) -> Callable[[Frame], Seen] | None:
-    """What things in the frames are measured by; None where they cannot be."""
-    reel = opened.reels[0] if opened.reels else None
-    return reel.sighted if isinstance(reel, SourceReel) else None
+def means_of(job: View, opened: Opened) -> Means:
+    """What can be done with the frames of the first sequence."""
+    reel, asked = opened.reels[0] if opened.reels else None, Asked(job.detector, job.corridor)
+    if not isinstance(reel, SourceReel):
+        return Means(asked=asked)
+    return Means(reel.sighted, asked, workshop(job, reel), rig_shop(job, reel))
 
 
-def rig_shop(job: View, reel: SourceReel, source: Source) -> RigShop | None:
-    """How the frames of a source look by other rigs; None where it has no pairs.
+def rig_shop(job: View, reel: SourceReel) -> RigShop | None:
+    """How the frames of a source look by other rigs; None where it has no pairs, or is of a run.
 
     Args:
         job: the settings.
         reel: its frames as they are made by these.
-        source: what they come from.
     """
-    if reel.source.yields is not StereoFrame:
+    source = reel.origin
+    if source is None or reel.source.yields is not StereoFrame:
         return None
     refine = Refine(
         source, rig=job.rig, rig_unit=job.rig_unit, frames=job.frames, rows=job.rows,
@@ -288,16 +283,15 @@ def rig_shop(job: View, reel: SourceReel, source: Source) -> RigShop | None:
     return RigShop(lambda rig: replace(job, rig=rig).reel_of(source), fit, given=given)
 
 
-def workshop(job: View, reel: SourceReel, source: Source) -> Workshop[View] | None:
-    """How the frames of a source are made by other settings; None where it has no pairs.
+def workshop(job: View, reel: SourceReel) -> Workshop[View] | None:
+    """How the frames of a source are made by other settings; None as for `rig_shop`.
 
     Args:
         job: the first settings.
         reel: its frames as they are made by these.
-        source: what they come from.
     """
-    frames = reel.source
-    if frames.yields is not StereoFrame:
+    source, frames = reel.origin, reel.source
+    if source is None or frames.yields is not StereoFrame:
         return None
 
     def load(tuned: View) -> Callable[[Frame], Converted]:

@@ -10,6 +10,7 @@ from pseudolidar.errors import PseudolidarError
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.sighting import Seen
+from pseudolidar.sources.recognise import Source
 from pseudolidar.sources.source import FrameSequence
 from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.moment import Moment
@@ -59,11 +60,14 @@ class SourceReel:
         source: opened.
         convert: a frame to what is made of it.
         sighted: a frame to what things in it are measured by; None where they cannot be.
+        origin: what the source was opened of, to open it again otherwise; None where it is only
+            looked at.
     """
 
     source: FrameSequence[Frame]
     convert: Callable[[Frame], Converted]
     sighted: Callable[[Frame], Seen] | None = None
+    origin: Source | None = None
 
     @property
     def name(self) -> str:

@@ -3,10 +3,14 @@
 import os
 import signal
 import webbrowser
+from pathlib import Path
 
 import pytest
+from pseudolidar.pipelines.view import View
 
 from pseudolidar.cli import main
+from pseudolidar.running.describing.describe import describe
+from pseudolidar.viewer.opening import RUN_FILE
 
 
 def test_ctrl_c_is_the_ordinary_way_out(
@@ -40,3 +44,14 @@ def test_what_is_not_safe_is_refused(
 ):
     assert main(["view", *flags]) == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "{", "[]", '{"settings": 3}', '{"settings": {}}'])
+def test_a_run_whose_settings_cannot_be_read_has_no_source(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, text: str
+):
+    (tmp_path / RUN_FILE).write_text(text)
+    assert View().reel_of_run(tmp_path) is None
+    assert "its source cannot be opened" in caplog.text
+    described = describe(str(tmp_path))
+    assert "cannot be read" in str(described.unknown)

@@ -27,7 +27,7 @@ SOURCE = Synthetic("street", frames=2, width_px=400)
 def app() -> Iterator[App]:
     job = View()
     reel = job.reel_of(SOURCE)
-    shop = workshop(job, reel, SOURCE)
+    shop = workshop(job, reel)
     with App.served(Address(port=0), Opened((reel,)), Means(reel.sighted, workshop=shop)) as served:
         yield served
 

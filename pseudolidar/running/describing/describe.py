@@ -275,7 +275,7 @@ def _run(place: Path) -> dict[str, Any]:
         data = json.loads((place / RUN_FILE).read_bytes())
         names = ("verb", "version", "frames", "committed", "skipped", "ended_early", "exit_code")
         return {name: data[name] for name in names} | {"source": data["source"]["line"]}
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise SourceUnknown(
             f"a {RUN_FILE} that cannot be read ({error})",
             want="one that a run wrote",
