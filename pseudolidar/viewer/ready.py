@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from pseudolidar.viewer.moment import Moment
 
+_log = logging.getLogger(__name__)
 # What frames that are ready may hold, bytes, and how many are made ready ahead of the shown one.
 BUDGET_BYTES, AHEAD = 1 << 30, 12
+# What is said of a frame that cannot be made, for no reason that is known.
+ODD = "it cannot be shown: see the terminal"
 
 
 class Ready:
@@ -91,7 +95,11 @@ class Ready:
 
     def _make(self, index: int) -> None:
         made_for = self._made_for
-        moment = self._load(index)
+        try:
+            moment = self._load(index)
+        except Exception:  # a frame that is odd in a new way must not be waited for
+            _log.exception("frame %d cannot be made", index)
+            moment = Moment("", index, fault=ODD)
         with self._lock:
             if made_for is not self._made_for:
                 return

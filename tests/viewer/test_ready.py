@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.moment import Moment
@@ -101,3 +102,17 @@ def test_frames_of_old_settings_are_not_taken_in():
     shown = ready.get(0)
     assert shown is not None
     assert shown.id == "new"
+
+
+def test_a_frame_that_is_odd_in_a_new_way_is_not_waited_for(caplog: pytest.LogCaptureFixture):
+    def load(index: int) -> Moment:
+        raise ValueError("odd")
+
+    ready = Ready(load, workers=1)
+    ready.want([3])
+    wait_until(lambda: ready.get(3) is not None)
+    ready.close()
+    shown = ready.get(3)
+    assert shown is not None
+    assert (shown.index, shown.fault) == (3, "it cannot be shown: see the terminal")
+    assert "frame 3 cannot be made" in caplog.text
