@@ -18,7 +18,7 @@ MOST_PLACES = 4000
 
 
 class DrawnPath:
-    """A line through the places of the shown frames, in the order of their showing.
+    """A line through the places of the shown frames, in the order of the frames.
 
     Args:
         view: what is looked at.

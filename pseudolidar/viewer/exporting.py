@@ -53,11 +53,13 @@ def draw(opened: Opened, path: Path) -> None:
 def export(app: App, path: Path) -> None:
     """Write what an app shows, all frames at the pace of their times.
 
+    Args:
+        app: with nothing drawn yet.
+        path: of viser's own kinds of file.
+
     Raises:
-        UsageError: a name of neither kind.
         OutputError: the disk is full or gone.
     """
-    check_export(path)
     view = app.view
     serializer = view.server.viser.get_scene_serializer()
     times_s = view.reel.times_s

@@ -7,7 +7,7 @@ import numpy as np
 from pseudolidar.structures.arrays import Bool, Int64
 from pseudolidar.structures.cloud import PointCloud
 
-# A prime step through the points meets rows and columns of pixels evenly.
+# Of chance: the same for every frame, so that clouds of the same points do not flicker.
 SEED = 7
 # Of the budget for points that tell what is looked for; the others show where these are.
 TELLING_SHARE = 0.75
