@@ -87,7 +87,9 @@ class App:
         with tab["Scene"]:
             self.scene = ScenePanel(self.view)
             self.detail = DetailPanel(self.view, self.octrees)
-        if workshop is not None and isinstance(reel, SourceReel):
+        if "Tune" in tab:
+            assert workshop is not None
+            assert isinstance(reel, SourceReel)
             with tab["Tune"]:
                 self.tune = TunePanel(self.view, reel, workshop, self.picture)
                 self.hue = HuePanel(self.view, self.picture)
@@ -132,7 +134,12 @@ class App:
         Raises:
             ServeError: the address cannot be had.
         """
-        app = cls(serve(address, label=TITLE), opened, means)
+        server = serve(address, label=TITLE)
+        try:
+            app = cls(server, opened, means)
+        except BaseException:
+            server.stop()
+            raise
         try:
             yield app
         finally:

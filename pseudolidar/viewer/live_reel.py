@@ -14,14 +14,17 @@ class LiveReel:
     Args:
         name: what the run goes through, in one line.
         frames: how many that are; None where nobody knows.
+
+    `made` counts the frames that the run has made, `passed_over` those of them that gave way to
+    newer ones; `finished` says that there will be no more.
     """
 
     def __init__(self, name: str, frames: int | None = None) -> None:
         self.name, self.frames = name, frames
         self.ids: Sequence[str] = ("",)
         self.times_s: Sequence[float] = (0.0,)
-        self.held = False
-        self.finished = False
+        self.held = self.finished = False
+        self.made = self.passed_over = 0
         self._lock = threading.Lock()
         self._newest = self._shown = Moment("", 0)
 

@@ -92,8 +92,9 @@ class RunPage(Newest[Shown]):
         return max(PAUSE_S, used_s / SHARE)
 
     def _tell(self) -> None:
+        self._reel.made, self._reel.passed_over = self.given, self.passed_over
         if self._app.run is not None:
-            self._app.run.told(self.given, self.passed_over)
+            self._app.run.say()
 
 
 @contextlib.contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -23,7 +24,7 @@ from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.drawn_path import segments_of
 from pseudolidar.viewer.live_reel import LiveReel
 from pseudolidar.viewer.moment import Moment
-from pseudolidar.viewer.run_page import RunPage, run_page
+from pseudolidar.viewer.run_page import NOBODY_S, PAUSE_S, SHARE, RunPage, run_page
 
 SOURCE = Synthetic("street", frames=3, width_px=128, height_px=64)
 
@@ -148,6 +149,44 @@ def test_a_held_frame_gives_way_to_the_newest_of_all():
     assert reel.load(0).index == 0
     reel.hold(held=False)
     assert reel.load(0).index == 2
+
+
+def test_a_page_takes_its_share_of_a_core(onlooker: RunPage[int], monkeypatch: pytest.MonkeyPatch):
+    def slow(index: int) -> Moment:
+        ends_s = time.thread_time() + 0.05
+        while time.thread_time() < ends_s:
+            pass
+        return moment(index)
+
+    onlooker._moment = slow
+    viser = onlooker._app.view.server.viser
+    assert onlooker._take(0) == NOBODY_S
+    monkeypatch.setattr(viser, "get_clients", lambda: {0: None})
+    assert onlooker._take(1) >= 0.05 / SHARE
+    onlooker._moment = moment
+    assert onlooker._take(2) >= PAUSE_S
+
+
+@pytest.mark.parametrize(
+    ("terminal", "endless", "stays"), [(True, False, 1), (False, False, 0), (True, True, 0)]
+)
+def test_at_a_terminal_a_page_stays_open_after_the_end(
+    monkeypatch: pytest.MonkeyPatch, *, terminal: bool, endless: bool, stays: int
+):
+    waits: list[Callable[[], None]] = []
+    monkeypatch.setattr(lingering, "_waits", waits)
+    for stream in (sys.stdin, sys.stderr):
+        monkeypatch.setattr(stream, "isatty", lambda: terminal)
+    with run_page(Asked(), SOURCE.open(), moment, endless=endless) as page:
+        assert page is not None
+        assert not waits
+    app = page._app
+    assert len(waits) == stays
+    assert app.view._ended.is_set() == (not stays)
+    app._ended.set()  # as Ctrl-C does
+    for wait in waits:
+        wait()
+    assert app.view._ended.is_set()
 
 
 def test_places_are_in_the_order_of_frames():

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from pseudolidar.viewer.live_reel import LiveReel
 from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.panels.time import escaped
+from pseudolidar.viewer.reel import Reel
 from pseudolidar.viewer.view import View
 
 KEYS = """
 | key | what it does |
 |---|---|
-| K | play, pause |
+"""
+TIME_KEYS = """| K | play, pause |
 | J, L | frame before, next frame |
 | H, E | first, last frame |
-| F | follow the rig, or stay with the map |
+"""
+OTHER_KEYS = """| F | follow the rig, or stay with the map |
+| B | show only one of the compared clouds, the next one |
 
 Drag to turn, right-drag to move, scroll to come nearer. In the pictures: point at a pixel for its
 depth, drag a box to measure what is in it.
@@ -45,7 +50,7 @@ class HelpPanel:
     """
 
     def __init__(self, view: View, opened: Opened) -> None:
-        view.gui.add_markdown(EMPTY if opened.is_empty else f"{listed(opened)}\n{KEYS}")
+        view.gui.add_markdown(EMPTY if opened.is_empty else f"{listed(opened)}\n{keys(opened)}")
         if opened.is_empty:
             view.gui.add_html(examples())
 
@@ -55,9 +60,21 @@ def examples() -> str:
     return "".join(LINE.format(command=command, what=what) for command, what in EXAMPLES.items())
 
 
+def keys(opened: Opened) -> str:
+    """Keys and what they do; those of a time line where there is one."""
+    has_time = bool(opened.reels) and not isinstance(opened.reels[0], LiveReel)
+    return KEYS + (TIME_KEYS if has_time else "") + OTHER_KEYS
+
+
 def listed(opened: Opened) -> str:
     """What is open, a line each."""
-    lines = [f"- {escaped(reel.name)}: {len(reel.ids)} frames" for reel in opened.reels]
+    lines = [f"- {escaped(reel.name)}{_frames_of(reel)}" for reel in opened.reels]
     for still in opened.stills:
         lines.append(f"- {escaped(still.name)}: {still.amount}")
     return "\n".join(lines)
+
+
+def _frames_of(reel: Reel) -> str:
+    """How many frames there are; nothing where nobody knows."""
+    count = reel.frames if isinstance(reel, LiveReel) else len(reel.ids)
+    return "" if count is None else f": {count} frames"

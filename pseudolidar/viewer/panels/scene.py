@@ -43,6 +43,8 @@ class ScenePanel:
             axes = gui.add_checkbox("Axes", initial_value=True)
             grid = gui.add_checkbox("Ground grid, 1 m and 10 m", initial_value=False)
             dark = gui.add_checkbox("Dark", initial_value=True)
+        key = gui.add_command("Follow the rig, or stay with the map", hotkey="F")
+        key.on_trigger(lambda _: set_value(follow, not follow.value))
         follow.on_update(lambda _: self._follow(following=follow.value))
         axes.on_update(lambda _: view.stage.show_axes(shown=axes.value))
         grid.on_update(lambda _: setattr(self._grid, "visible", grid.value))

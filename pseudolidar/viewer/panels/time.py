@@ -44,7 +44,6 @@ class TimePanel:
         view.on_shown(self._show)
 
     def _hotkeys(self) -> None:
-        view, gui = self._view, self._view.gui
         keys: tuple[tuple[str, HotkeyKey, str], ...] = (
             ("Play or pause", "K", "Play"),
             ("Next frame", "L", ">"),
@@ -53,15 +52,7 @@ class TimePanel:
             ("Last frame", "E", ">|"),
         )
         for label, key, pressed in keys:
-            gui.add_command(label, hotkey=key).on_trigger(self._pressing(pressed))
-        follow = gui.add_command("Follow the rig, or stay with the map", hotkey="F")
-
-        def switch(_: object) -> None:
-            placement = view.stage.placement
-            placement.follow = not placement.follow
-            view.redraw()
-
-        follow.on_trigger(switch)
+            self._view.gui.add_command(label, hotkey=key).on_trigger(self._pressing(pressed))
 
     def _pressing(self, button: str) -> Callable[[object], None]:
         return lambda _event: self._press(button)
