@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -35,7 +35,6 @@ from pseudolidar.running.frame_checks import (
 )
 from pseudolidar.running.given import GivenSettings, given_maps
 from pseudolidar.running.live.newest import Newest
-from pseudolidar.running.live.preview import ShownWhenEncoded
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.networks import networks_of
@@ -365,12 +364,10 @@ class ConvertFrame:
         """
         return self.encode(self.converted(frame))
 
-    def shown_to(self, onlooker: Newest[Converted] | None) -> Callable[[Frame], Product]:
-        """The same for threads, with somebody who looks on; the same bytes."""
-        if onlooker is None:
-            return self
-        encode = ShownWhenEncoded(self.encode, onlooker)
-        return lambda frame: encode(self.converted(frame))
+    def shown_to(self, *onlookers: Newest[Converted] | None) -> ConvertFrame:
+        """The same with those who look on, for threads; the same bytes."""
+        looking_on = tuple(one for one in onlookers if one is not None)
+        return replace(self, encode=replace(self.encode, onlookers=looking_on))
 
     def converted(self, frame: Frame) -> Converted:
         """Match and reproject a pair, reproject depth, take a cloud as it is.

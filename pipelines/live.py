@@ -37,7 +37,6 @@ from pseudolidar.running.live.preview import (
     LivePreview,
     PairPicture,
     ShownWhenAsked,
-    ShownWhenEncoded,
 )
 from pseudolidar.running.live.record import Choice, record, words_of
 from pseudolidar.running.live.rehearsed import rehearsed
@@ -252,10 +251,8 @@ def run(job: Live) -> LiveReport:
         looking = Newest("eyes", watch, idle_s=1.0) if job.check and seen == "unknown" else None
         preview = LivePreview(job.out / LIVE_NAME, CloudPicture()) if job.preview else None
         with run_page(job, source, Moment.of, endless=True) as onlooker:
-            for each in (preview, onlooker):
-                if each is not None:
-                    per_frame = replace(per_frame, encode=ShownWhenEncoded(per_frame.encode, each))
-            work = per_frame if looking is None else Watched(per_frame, looking)
+            seen_by = per_frame.shown_to(preview, onlooker)
+            work = seen_by if looking is None else Watched(seen_by, looking)
             shown = [one for one in (preview, looking) if one is not None]
             order = (lambda: watch.order) if looking else (lambda: seen)
             return record(job, cameras, source, work, recording, shown=shown, eyes=order)

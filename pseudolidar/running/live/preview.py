@@ -18,10 +18,10 @@ from pseudolidar.errors import PseudolidarError, printable
 from pseudolidar.evaluation.captions import write_on
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.pictures.image import encode_jpeg
+from pseudolidar.geometry.grey import rgb_of
 from pseudolidar.running.live.newest import Newest
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.products.preview import JPEG_QUALITY, PreviewArtist, Scales
-from pseudolidar.running.products.product import Product
 from pseudolidar.sources.capture.eyes import Eyes
 from pseudolidar.sources.capture.live_pairs import Wanted
 from pseudolidar.sources.capture.shots import ShotPair
@@ -106,25 +106,6 @@ class PairPicture:
 
 
 @dataclass(frozen=True)
-class ShownWhenEncoded:
-    """Encodes a frame and shows it.
-
-    Args:
-        encode: to the bytes of its outputs.
-        preview: where it is shown.
-    """
-
-    encode: Callable[[Converted], Product]
-    preview: Newest[Converted]
-
-    def __call__(self, converted: Converted) -> Product:
-        """What is written of the frame."""
-        product = self.encode(converted)
-        self.preview.show(converted.frame.index, converted)
-        return product
-
-
-@dataclass(frozen=True)
 class ShownWhenAsked:
     """Shows each pair that it is asked about.
 
@@ -145,8 +126,7 @@ class ShownWhenAsked:
 
 def _labelled(pixels: Image, name: str) -> UInt8:
     """A copy in colours of 8 bits, with its name in the corner."""
-    eight = pixels if pixels.dtype == np.uint8 else pixels >> 8
-    colours = eight if eight.ndim == 3 else np.repeat(eight[..., None], 3, axis=2)
-    labelled = np.array(colours, np.uint8)
+    eight = np.asarray(pixels if pixels.dtype == np.uint8 else pixels >> 8, np.uint8)
+    labelled = rgb_of(eight).copy()
     write_on(labelled, name, (8, 18))
     return labelled

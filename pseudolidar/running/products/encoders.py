@@ -17,6 +17,7 @@ from pseudolidar.formats.points.pcd import encode_pcd
 from pseudolidar.formats.points.ply import encode_ply
 from pseudolidar.formats.points.velodyne_bin import LARGEST_COORDINATE_M, encode_velodyne_bin
 from pseudolidar.running.journal.record import OutputFile
+from pseudolidar.running.live.newest import Newest
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.products.outputs import Outputs, file_name
 from pseudolidar.running.products.preview import PreviewArtist, preview_name
@@ -56,7 +57,7 @@ ENCODERS: Mapping[str, Callable[[Converted], bytes]] = {
 
 @dataclass(frozen=True)
 class FrameEncoder:
-    """Encodes everything that will be written of a frame: pure, picklable.
+    """Encodes everything that will be written of a frame: pure, picklable where nobody looks on.
 
     Args:
         outputs: which files, and whether a recording.
@@ -64,6 +65,7 @@ class FrameEncoder:
         trees: layouts of other tools.
         sampled: ids of the frames that the report shows.
         artist: draws frames for the preview, where there is to be one.
+        onlookers: are shown each frame that was encoded.
     """
 
     outputs: Outputs
@@ -71,6 +73,7 @@ class FrameEncoder:
     trees: Trees
     sampled: frozenset[str]
     artist: PreviewArtist | None = None
+    onlookers: tuple[Newest[Converted], ...] = ()
 
     def __call__(self, converted: Converted) -> Product:
         """Bytes of files and of the recording's parts, and figures for the report."""
@@ -89,7 +92,10 @@ class FrameEncoder:
             files.append(OutputFile.of(preview_name(frame.id), self.artist.draw(converted)))
         parts = packed(converted, self.content) if self.outputs.recording else {}
         notes = losses_in_bin(converted) if "bin" in self.outputs.files else ()
-        return Product(tuple(files), parts, figures(converted, notes))
+        product = Product(tuple(files), parts, figures(converted, notes))
+        for onlooker in self.onlookers:
+            onlooker.show(frame.index, converted)
+        return product
 
 
 def packed(converted: Converted, content: McapContent) -> dict[str, FramePart]:
