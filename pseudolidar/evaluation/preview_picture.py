@@ -8,6 +8,7 @@ import numpy as np
 
 from pseudolidar.evaluation.captions import write_on
 from pseudolidar.evaluation.pictures import NOTHING
+from pseudolidar.geometry.grey import rgb_of
 from pseudolidar.structures.arrays import UInt8
 
 # Height of photo and disparity together, and so of the view from above; px.
@@ -72,7 +73,7 @@ def resized(panel: Panel, size_px: tuple[int, int]) -> UInt8:
     """(H, W, 3) RGB of a panel at (width, height)."""
     import cv2
 
-    pixels = panel.pixels if panel.pixels.ndim == 3 else panel.pixels[:, :, None].repeat(3, axis=2)
+    pixels = rgb_of(panel.pixels)
     shrinks = size_px[0] < pixels.shape[1]
     how = cv2.INTER_NEAREST if panel.exact else cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
     return np.asarray(

@@ -41,8 +41,12 @@ def shift_to_8_bits(*images: Image) -> int:
 def rgb8(image: Image, shift: int) -> UInt8:
     """(H, W, 3) uint8: 16-bit values by a shift, grey ones thrice."""
     values = image if image.dtype == np.uint8 else (image >> shift).astype(np.uint8)
-    stacked = values if values.ndim == 3 else np.repeat(values[:, :, None], 3, axis=2)
-    return np.ascontiguousarray(stacked, np.uint8)
+    return np.ascontiguousarray(rgb_of(np.asarray(values, np.uint8)))
+
+
+def rgb_of(image: UInt8) -> UInt8:
+    """(H, W, 3) of an image of 8 bits, a grey one thrice; the same array where it has colours."""
+    return image if image.ndim == 3 else np.repeat(image[:, :, None], 3, axis=2)
 
 
 def _grey8(image: Image, shift: int) -> UInt8:

@@ -9,6 +9,7 @@ import numpy as np
 
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.evaluation.pictures import disparity_picture, error_picture, turbo
+from pseudolidar.geometry.grey import rgb_of
 from pseudolidar.geometry.projection import project_scan
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.reports.samples import photo_of
@@ -180,8 +181,7 @@ def _velodyne(converted: Converted) -> UInt8:
     frame = converted.frame
     assert isinstance(frame, StereoFrame)
     assert frame.scan is not None
-    photo = photo_of(frame)
-    drawn = (photo if photo.ndim == 3 else photo[:, :, None].repeat(3, axis=2)).copy()
+    drawn = rgb_of(photo_of(frame)).copy()
     try:
         seen = project_scan(frame.scan, frame.rig)
     except PseudolidarError:

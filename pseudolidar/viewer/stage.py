@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pseudolidar.geometry.grey import rgb_of
 from pseudolidar.geometry.quaternion import quaternion_wxyz
 from pseudolidar.running.reports.samples import photo_of
 from pseudolidar.structures.arrays import Float32, Float64, UInt8
@@ -299,8 +300,7 @@ def _small(photo: UInt8) -> UInt8:
 
     height, width = photo.shape[:2]
     size = PHOTO_PX, max(round(PHOTO_PX * height / width), 1)
-    small = np.asarray(cv2.resize(photo, size, interpolation=cv2.INTER_AREA), np.uint8)
-    return small if small.ndim == 3 else small[:, :, None].repeat(3, axis=2)
+    return rgb_of(np.asarray(cv2.resize(photo, size, interpolation=cv2.INTER_AREA), np.uint8))
 
 
 def _aside(T: Float64, shift_m: tuple[float, float, float]) -> Float64:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pseudolidar.geometry.grey import grey8_pair, shift_to_8_bits
+from pseudolidar.geometry.grey import grey8_pair, rgb_of, shift_to_8_bits
 
 
 @pytest.fixture(scope="module")
@@ -51,3 +51,10 @@ def test_deep_colour_becomes_the_same_luma(colours):
     deep, _ = grey8_pair(colours.astype(np.uint16) * 257, colours.astype(np.uint16) * 257)
     flat, _ = grey8_pair(colours, colours)
     assert np.abs(deep.astype(int) - flat).max() <= 1
+
+
+def test_grey_in_colours_is_grey(colours):
+    assert rgb_of(colours) is colours
+    thrice = rgb_of(colours[:, :, 0])
+    assert thrice.shape == colours.shape
+    assert (thrice == colours[:, :, :1]).all()

@@ -12,6 +12,7 @@ import numpy as np
 
 from pseudolidar.formats.atomic import output_error
 from pseudolidar.geometry.frames import MAP, left_in_base_link
+from pseudolidar.geometry.grey import rgb_of
 from pseudolidar.mapping.free_space import FreeSpace
 from pseudolidar.mapping.fusion import TemporalFusion
 from pseudolidar.mapping.keyframe import movable_pixels
@@ -211,5 +212,4 @@ def cloud_of(points: FramePoints, T_map_camera: Float64, timestamp_ns: int) -> P
 
 def colours_of(frame: StereoFrame) -> UInt8:
     """(H, W, 3) RGB of the left picture."""
-    photo = photo_of(frame)
-    return photo if photo.ndim == 3 else photo[:, :, None].repeat(3, axis=2)
+    return rgb_of(photo_of(frame))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pseudolidar.evaluation.page import Picture, PictureRow, Section
+from pseudolidar.geometry.grey import rgb_of
 from pseudolidar.mapping.tracks_drawn import RIGHT_RGB
 from pseudolidar.running.mapped.walk import Walked
 from pseudolidar.running.reports.numbers import counted, percent
@@ -77,8 +78,7 @@ def _pictures(loop: LoopClosure, walked: Walked, source: FrameSource) -> Picture
 def _marked(photo: UInt8, uv: Float32) -> UInt8:
     import cv2
 
-    picture = photo if photo.ndim == 3 else photo[:, :, None].repeat(3, axis=2)
-    picture = np.ascontiguousarray(picture)
+    picture = np.ascontiguousarray(rgb_of(photo))
     for u, v in np.rint(uv).astype(int).tolist():
         cv2.circle(picture, (u, v), RADIUS_PX, RIGHT_RGB.tolist(), 1, cv2.LINE_AA)
     return picture

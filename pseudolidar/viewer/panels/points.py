@@ -11,6 +11,7 @@ from pseudolidar.viewer.drawn_octrees import DrawnOctrees
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.panels.time import escaped
 from pseudolidar.viewer.picking import Picked, picked
+from pseudolidar.viewer.placement import moved
 from pseudolidar.viewer.view import View
 
 HINT = "*Click a point in the scene; a second one tells the distance.*"
@@ -46,7 +47,7 @@ class PointsPanel:
             self._text.content = "nothing there"
             return
         _, T = clouds[found.cloud]
-        place = np.asarray(T[:3, :3] @ found.xyz_m + T[:3, 3])
+        place = moved(T, found.xyz_m)
         stage.mark(place)
         lines = [f"**{escaped(found.cloud)}** {found.text}"]
         last = self._last  # a frame that is drawn meanwhile makes it None

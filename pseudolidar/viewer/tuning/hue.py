@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from pseudolidar.geometry.grey import rgb_of
 from pseudolidar.obstacles.colour import Colour
 from pseudolidar.obstacles.hues import CIRCLE_DEG, Hues, unit_rgb
 from pseudolidar.obstacles.measure import measured
@@ -134,8 +135,7 @@ def marked(photo: UInt8, mask: Bool) -> UInt8:
     """(H, W, 3) the photo, dark where nothing was found, what was found outlined."""
     import cv2
 
-    rgb = photo if photo.ndim == 3 else photo[:, :, None].repeat(3, axis=2)
-    drawn = rgb.copy()
+    drawn = rgb_of(photo).copy()
     drawn[~mask] = (drawn[~mask] * DARKER).astype(np.uint8)
     contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return np.asarray(cv2.drawContours(drawn, contours, -1, OUTLINE, 2), np.uint8)
