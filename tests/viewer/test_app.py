@@ -6,31 +6,29 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page
 from playwright.sync_api import Frame as InnerPage
 from pseudolidar.pipelines.convert import Convert, ConvertFrame, opened
 
-from pseudolidar.cli import main
 from pseudolidar.clouds.ground_fit import GroundFit
-from pseudolidar.formats.points.ply import read_ply, write_ply
+from pseudolidar.formats.points.ply import read_ply
 from pseudolidar.obstacles.labels import Labels
 from pseudolidar.obstacles.measure import measured
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.sighting import SMALL_THINGS_KEPT, SightFrame
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.box import Detection
-from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.comparing.pool import Pool
 from pseudolidar.viewer.filming.film import Film
 from pseudolidar.viewer.means import Means
-from pseudolidar.viewer.opening import Opened, Opening
-from pseudolidar.viewer.reel import NoFrames, SourceReel
+from pseudolidar.viewer.opening import Opened
+from pseudolidar.viewer.reel import SourceReel
 from tests.viewer.clients import wait_until
+from tests.viewer.seen import pixels_of
 
 
 @pytest.fixture(scope="module")
@@ -195,38 +193,9 @@ def base(app: App) -> str:
     return app.url.split("?")[0]
 
 
-def pixels_of(picture: bytes) -> np.ndarray:
-    return np.asarray(cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR))
-
-
 def size_of(picture: bytes) -> tuple[int, int]:
     height, width = pixels_of(picture).shape[:2]
     return width, height
-
-
-def test_a_map_and_its_path_lie_still(tmp_path: Path, page: Page):
-
-    rng = np.random.default_rng(0)
-    far = np.array([4.5e5, 5.4e6, 100.0])
-    points = far + rng.uniform((-20, -20, 0), (20, 20, 5), (5000, 3))
-    rgb = rng.integers(0, 255, (5000, 3)).astype(np.uint8)
-    write_ply(tmp_path / "utm.ply", PointCloud(points, "map", rgb=rgb))
-    opened = Opening(lambda _source: NoFrames()).all_of([str(tmp_path / "utm.ply")])
-    with App.served(Address(port=0), opened) as served:
-        page.goto(served.url)
-        page.get_by_text("utm.ply", exact=True).wait_for(timeout=60_000)
-        page.wait_for_timeout(1000)
-        scene = pixels_of(page.screenshot())[100:, :800].reshape(-1, 3)
-    assert len(np.unique(scene // 32, axis=0)) > 30
-    drawn = served.view.stage._clouds["utm.ply"].points
-    assert np.abs(drawn).max() < 40
-    assert np.allclose(drawn - drawn[0], (points - points[0]).astype(np.float32), atol=1e-4)
-
-
-def test_an_empty_viewer_says_what_to_do(page: Page):
-    with App.served(Address(port=0), Opened()) as served:
-        page.goto(served.url)
-        page.get_by_text("Nothing is open.").wait_for(timeout=60_000)
 
 
 def test_a_click_tells_the_point_and_two_their_distance(app: App, opened_page: Page):
@@ -265,15 +234,6 @@ def test_shown_clouds_are_taken_away(app: App, opened_page: Page, tmp_path: Path
     assert "000000_stereo.ply" in answer.headers["content-disposition"]
     for query in ("", "name=stereo", "name=nobody&kind=ply", "name=stereo&kind=../x"):
         assert opened_page.request.get(f"{base(app)}export/cloud?{query}").status == 404
-
-
-def test_a_scene_is_a_page_of_its_own(tmp_path: Path, page: Page):
-    write_ply(tmp_path / "a.ply", PointCloud(np.eye(3, dtype=np.float32) * 5, "map"))
-    out = tmp_path / "scene.html"
-    assert main(["view", str(tmp_path / "a.ply"), "--export", str(out)]) == 0
-    page.goto(out.as_uri())
-    page.wait_for_selector("canvas", timeout=60_000)
-    assert main(["view", "--export", str(tmp_path / "scene.txt")]) == 2
 
 
 def objects_page(page: Page) -> InnerPage:
