@@ -28,12 +28,12 @@ class Bench(Generic[Job]):
         self._turned: tuple[str, float] = "", 0.0
         # What was asked for of a kind and could not be, for another knob must be turned first.
         self._asked: dict[tuple[str, str], dict[str, Any]] = {}
-        self._left: dict[tuple[str, str], Any] = {}  # kinds that were chosen before
-
-    @property
-    def can_undo(self) -> bool:
-        """Whether there is a step to be taken back."""
-        return bool(self._before)
+        # Kinds that were chosen before; those of the start may need what only they have: a file.
+        self._left = {
+            (part.name, self.kind(part)): getattr(job, part.name)
+            for part in self.parts.values()
+            if not part.plain
+        }
 
     def kind(self, part: Part) -> str:
         """The chosen kind of a part; "" of a plain setting."""
@@ -41,9 +41,15 @@ class Bench(Generic[Job]):
         return "" if part.plain else choice_name(None if value is None else type(value))
 
     def value(self, part: Part, knob: Knob) -> Any:
-        """What a knob of the chosen kind stands at."""
+        """What the control of a knob of the chosen kind shows: what it stands at.
+
+        What was asked for and refused is shown too, for it is tried again with the next knob.
+        """
         settings = getattr(self.job, part.name)
-        return settings if part.plain else getattr(settings, knob.name)
+        if part.plain:
+            return settings
+        asked = self._asked.get((part.name, self.kind(part)), {})
+        return asked[knob.name] if knob.name in asked else getattr(settings, knob.name)
 
     def turn(self, part: Part, knob: Knob, value: Any, now_s: float) -> bool:
         """Set a knob of the chosen kind.

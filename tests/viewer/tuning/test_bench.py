@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from pseudolidar.pipelines.convert import Convert
@@ -16,6 +17,7 @@ from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.clean import Clean
 from pseudolidar.stereo.filters.smoothed_map import Fgs
+from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.stereo.sgbm import Sgbm
 from pseudolidar.viewer.tuning.bench import Bench
@@ -70,9 +72,17 @@ def test_one_sweep_of_a_slider_is_one_step_back(bench):
     assert bench.job.matcher.speckle_pixels == 190
     bench.undo()
     assert bench.job == JOB
-    assert not bench.can_undo
     bench.undo()
     assert bench.job == JOB
+
+
+def test_so_many_steps_can_be_taken_back(bench, monkeypatch):
+    monkeypatch.setattr("pseudolidar.viewer.tuning.bench.MOST_STEPS", 3)
+    for step in range(1, 6):
+        turn(bench, "matcher.speckle_pixels", 10 * step, now_s=60 * step)
+    for _ in range(5):
+        bench.undo()
+    assert bench.job.matcher.speckle_pixels == 20
 
 
 def test_what_cannot_be_is_refused_until_the_other_knob_is_turned_too(bench):
@@ -82,6 +92,32 @@ def test_what_cannot_be_is_refused_until_the_other_knob_is_turned_too(bench):
     assert bench.job.matcher == Sgbm()
     turn(bench, "matcher.p2", 2000)
     assert bench.job.matcher == Sgbm(p1=900, p2=2000)
+
+
+def test_what_was_refused_is_shown_as_long_as_it_is_tried_again(bench):
+    matcher = bench.parts["matcher"]
+    knobs = {knob.name: knob for knob in matcher.knobs["sgbm"]}
+    bench.choose(matcher, "sgbm", 0)
+    assert bench.value(matcher, knobs["p1"]) is None
+    with pytest.raises(PseudolidarError, match="p1"):
+        turn(bench, "matcher.p1", 900)
+    turn(bench, "clean.sky", False)
+    assert bench.value(matcher, knobs["p1"]) == 900
+    turn(bench, "matcher.p1", None)
+    assert bench.value(matcher, knobs["p1"]) is None
+    with pytest.raises(PseudolidarError, match="p1"):
+        turn(bench, "matcher.p1", 900)
+    bench.undo()
+    assert bench.value(matcher, knobs["p1"]) is None
+
+
+def test_a_kind_of_the_start_that_needs_a_file_can_be_chosen_again():
+    network = Onnx(Path("network.onnx"))
+    bench = Bench(replace(JOB, matcher=network))
+    bench.reset()
+    assert bench.job.matcher == Census()
+    assert bench.choose(bench.parts["matcher"], "onnx", 0)
+    assert bench.job.matcher == network
 
 
 def test_defaults_can_be_taken_back(bench):
