@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
@@ -27,7 +28,7 @@ from pseudolidar.viewer.view import View
 
 Job = TypeVar("Job")
 # Settings that are kept loaded: what is tuned, its reduced form, and what was kept.
-LOADED = 4
+LOADED = 3
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,16 @@ class Workshop(Generic[Job]):
     job: Job
     load: Callable[[Job], Convert]
     sighted: Callable[[Job], Callable[[Frame], Seen]] | None = None
+
+    def measuring(self, job: Job) -> Callable[[Frame], Seen] | None:
+        """What things are measured by with such settings; None where they cannot be.
+
+        It is loaded once, with the first frame that is asked about.
+        """
+        if self.sighted is None:
+            return None
+        loaded = functools.cache(functools.partial(self.sighted, job))
+        return lambda frame: loaded()(frame)
 
 
 @dataclass(frozen=True)
@@ -142,12 +153,12 @@ class Tuner(Generic[Job]):
         tell(1.0)
 
     def _convert(self, job: Job) -> Remembering:
-        for known, convert in self._loaded:
-            if known == job:
-                return convert
-        loaded = Remembering(self._workshop.load(job))
-        self._loaded = [(job, loaded), *self._loaded[: LOADED - 1]]
-        return loaded
+        """What makes frames by such settings; those that were not used for longest are let go."""
+        known = next((convert for known, convert in self._loaded if known == job), None)
+        convert = Remembering(self._workshop.load(job)) if known is None else known
+        others = [each for each in self._loaded if each[1] is not convert]
+        self._loaded = [(job, convert), *others[: LOADED - 1]]
+        return convert
 
     def _frame(self, index: int) -> StereoFrame:
         """The shown frame, without reading it again; notes of its conversion are not its own."""
@@ -162,7 +173,7 @@ class Tuner(Generic[Job]):
     def _first_look(self, wanted: Wanted[Job], frame: StereoFrame) -> Moment | None:
         """The frame matched at a reduced size; None where that is of no use."""
         parts = parts_of_width(frame.size_px[0])
-        if parts == 1 or self._convert(wanted.job).knows(frame):
+        if parts == 1 or wanted.shown == "A" or self._convert(wanted.job).knows(frame):
             return None
         kept = None if wanted.kept is None else self._convert(wanted.kept)
         other = kept(frame) if kept is not None and kept.knows(frame) else None

@@ -110,6 +110,47 @@ def test_kept_settings_are_shown_beside(tuned):
     assert drawn(view, lambda moment: moment.converted is kept).matched_at == 1
 
 
+def test_settings_that_are_in_use_stay_loaded(tuned, monkeypatch):
+    view, tuner, _ = tuned
+    drawn(view, lambda moment: moment.converted is not None)
+    loads, looks, present = [], [], view.present
+    load = tuner._workshop.load
+    tuner._workshop = Workshop(JOB, lambda job: loads.append(job) or load(job))
+
+    def presented(trial, moment, *, last):
+        looks.append((moment.matched_at, moment.compared))
+        present(trial, moment, last=last)
+
+    monkeypatch.setattr(view, "present", presented)
+    for percent in (21, 22, 23):
+        job = replace(JOB, matcher=Census(uniqueness_percent=percent))
+        tuner.ask(Wanted(job, kept=JOB))
+        assert tuner.idle(30)
+    assert loads.count(JOB) == 1
+    # The kept ones are not matched for a first look, and stand beside it where they are known.
+    assert [matched_at for matched_at, _ in looks] == 3 * [0.5, 1.0]
+    assert looks[0][1] is None
+    assert all(compared[0] is looks[1][1][0] for _, compared in looks[1:])
+    looks.clear()
+    tuner.ask(Wanted(replace(JOB, matcher=Census(uniqueness_percent=20)), kept=JOB, shown="A"))
+    assert tuner.idle(30)
+    assert [matched_at for matched_at, _ in looks] == [1.0]  # nothing new is to be seen
+
+
+def test_what_measures_is_loaded_once():
+    loads = []
+
+    def sighted(job):
+        loads.append(job)
+        return lambda frame: (job, frame)
+
+    measuring = Workshop("job", None, sighted).measuring("other")
+    assert loads == []
+    assert [measuring(frame) for frame in (1, 2)] == [("other", 1), ("other", 2)]
+    assert loads == ["other"]
+    assert Workshop("job", None).measuring("other") is None
+
+
 def test_what_cannot_be_loaded_is_told_and_changes_nothing(tuned):
     view, tuner, told = tuned
     before = view.reel
