@@ -21,8 +21,13 @@ class RememberedSights:
 
     def __init__(self, sighted: Callable[[Frame], Seen]) -> None:
         self._sighted = sighted
-        self._lock = threading.Lock()
+        self._lock, self._seeing = threading.Lock(), threading.Lock()
         self._held: list[tuple[Frame, Seen]] = []
+        self._listeners: list[Callable[[], None]] = []
+
+    def on_change(self, listener: Callable[[], None]) -> None:
+        """Call this when frames are seen otherwise: what was found in them holds no more."""
+        self._listeners.append(listener)
 
     def __call__(self, frame: Frame) -> Seen:
         """What is seen in a frame.
@@ -30,15 +35,21 @@ class RememberedSights:
         Raises:
             PseudolidarError: as `SightFrame` does.
         """
-        with self._lock:  # a second one that asks for the same frame waits for it
-            for held, seen in self._held:
-                if held is frame:
-                    return seen
-            seen = self._sighted(frame)
-            self._held = [(frame, seen), *self._held][:REMEMBERED]
+        with self._seeing:  # a second one that asks for the same frame waits for it
+            with self._lock:
+                sighted, held = self._sighted, self._held
+            known = next((seen for one, seen in held if one is frame), None)
+            if known is not None:
+                return known
+            seen = sighted(frame)
+            with self._lock:
+                if sighted is self._sighted:
+                    self._held = [(frame, seen), *self._held][:REMEMBERED]
             return seen
 
     def change(self, sighted: Callable[[Frame], Seen]) -> None:
         """See by other settings from now on."""
         with self._lock:
             self._sighted, self._held = sighted, []
+        for listener in self._listeners:
+            listener()

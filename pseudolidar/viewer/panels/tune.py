@@ -12,8 +12,6 @@ import numpy as np
 
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.running.settings_json import tuned_file
-from pseudolidar.running.sighting import Seen
-from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.answers import Answer
 from pseudolidar.viewer.colouring import Colouring
 from pseudolidar.viewer.moment import Moment
@@ -66,6 +64,7 @@ class TunePanel:
     ) -> None:
         self._view, self._workshop, self._picture = view, workshop, picture
         self._bench = Bench(workshop.job)
+        self._measured = workshop.job
         self._lock, self._syncing = threading.RLock(), False
         self.tuner = Tuner(view, source, workshop, self._told)
         self.judge = Judge(self._judged)
@@ -147,16 +146,11 @@ class TunePanel:
         """One of the buttons."""
         with self._lock:
             bench = self._bench
-            match button:
-                case "Undo":
-                    bench.undo()
-                case "Defaults":
-                    bench.reset()
-                case "Keep as A":
-                    bench.keep()
-                    self._shown.visible = True
-                case "Back to A":
-                    bench.restore()
+            steps = {UNDO: bench.undo, DEFAULTS: bench.reset, KEEP: bench.keep, BACK: bench.restore}
+            if button in steps:
+                steps[button]()
+            if button == KEEP:
+                self._shown.visible = True
             self._sync()
             self._ask()
 
@@ -166,12 +160,15 @@ class TunePanel:
             job = self._bench.job
             kept = self._bench.kept if self._shown.visible else None
             self.tuner.ask(Wanted(job, kept, SHOWN[self._shown.value]))
-            if self._workshop.sighted is not None:
-                self._picture.measure_by(partial(self._seen_by, job))
+            self._measure()
 
-    def _seen_by(self, job: Any, frame: Frame) -> Seen:
-        assert self._workshop.sighted is not None
-        return self._workshop.sighted(job)(frame)
+    def _measure(self) -> None:
+        """Measure by what is set, too."""
+        job = self._bench.job
+        measuring = self._workshop.measuring(job)
+        if measuring is not None and job != self._measured:
+            self._measured = job
+            self._picture.measure_by(measuring)
 
     def _sync(self) -> None:
         """Let the controls show the settings."""
@@ -190,6 +187,7 @@ class TunePanel:
                 if self._bench.job == progress.wanted.job:
                     self._bench.undo()
                     self._sync()
+                    self._measure()
                 self._said.content = f"**Not possible:** {escaped(progress.refused)}"
             return
         size = "in full" if progress.matched_at == 1 else f"at 1/{1 / progress.matched_at:.0f} size"
@@ -199,7 +197,8 @@ class TunePanel:
         by = next((figures.by for _, figures in judged.rows if figures.by), "")
         against = f"against {by}" if by else "no truth, no LiDAR: nothing to compare with"
         first = "a first look, " if judged.moment.matched_at < 1 else ""
-        self._figures.content = f"{table_of(judged.rows)}\n\n*{first}{against}*"
+        said = f"{table_of(judged.rows)}\n\n*{first}{against}*"
+        self._figures.content = said if judged.rows else ""
         ranges = range_table_of(judged.rows)
         self._by_range.visible = bool(ranges)
         self._ranges.content = ranges

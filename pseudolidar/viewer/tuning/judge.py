@@ -30,7 +30,8 @@ class Judged:
 
     Args:
         moment: which.
-        rows: name and figures, of the kept settings too where these are compared.
+        rows: name and figures, of the kept settings too where these are compared; none of a frame
+            that cannot be matched.
         picture: both disparities and their difference; None where nothing is compared.
     """
 
@@ -50,15 +51,12 @@ class Judge:
         self._told = told
         self._latest: Latest[Moment] = Latest(self._judge, name="viewer-figures")
         self._known: tuple[Image, Reference | None] | None = None
-        self.ask, self.idle, self.close = (
-            self._latest.ask,
-            self._latest.idle,
-            self._latest.close,
-        )
+        self.ask, self.close = self._latest.ask, self._latest.close
 
     def _judge(self, moment: Moment, _overtaken: Callable[[], bool]) -> None:
         converted = moment.converted
         if converted is None or converted.disparity is None:
+            self._told(Judged(moment, ()))
             return
         frame = converted.frame
         assert isinstance(frame, StereoFrame)
