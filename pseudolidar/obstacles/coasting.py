@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pseudolidar.geometry.box_in_view import nearest_depth_m, outline_px, seen_px
+from pseudolidar.obstacles.tracker import Followed
 from pseudolidar.structures.box import Box3D, Detection, Track
 from pseudolidar.structures.camera import Camera
 from pseudolidar.structures.obstacle import Obstacle
@@ -38,6 +39,29 @@ def coasting_obstacle(track: Track, last: Obstacle, camera: Camera) -> Obstacle 
         truncated=outline_px(box, camera) != box_px,
         track=track,
     )
+
+
+class LastSeen:
+    """Obstacles as they were seen last, for those of their tracks that coast."""
+
+    def __init__(self) -> None:
+        self._last: dict[int, Obstacle] = {}
+
+    def __call__(self, followed: Followed, camera: Camera) -> tuple[Obstacle, ...]:
+        """Tracks that coast, where they should be in view, the nearest first.
+
+        Args:
+            followed: the next frame.
+            camera: of that frame.
+        """
+        self._last |= {one.track.track_id: one for one in followed.obstacles if one.track}
+        for track_id in followed.ended:
+            self._last.pop(track_id, None)
+        found = (
+            coasting_obstacle(track, self._last[track.track_id], camera)
+            for track in followed.coasting
+        )
+        return tuple(sorted((one for one in found if one), key=lambda one: one.distance_m))
 
 
 def _sigma_of_face_m(track: Track) -> float:

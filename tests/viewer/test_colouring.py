@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pseudolidar.evaluation.comparison.error_cloud import signed_colours
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import PLAIN, Colouring, ways
 from pseudolidar.viewer.thinned import thinned
@@ -97,6 +98,13 @@ def test_errors_are_white_in_the_middle_and_both_ends_are_as_far():
     bar = scale.picture().astype(int)
     assert bar[0, 128].min() > 200
     assert bar[0, 0, 2] > bar[0, 0, 0]
+
+
+def test_both_ends_of_a_scale_of_errors_are_full_wherever_they_are():
+    error_m = np.array([-1.0, -0.5, 2.0, 4.0], np.float32)
+    points = PointCloud(np.ones((4, 3), np.float32), "map", extra={"error_m": error_m})
+    shown = Colouring("error", -1.0, 4.0).colours(points)
+    assert np.array_equal(shown, signed_colours(np.array([-1.0, -0.5, 0.5, 1.0])))
 
 
 def test_errors_of_clouds_that_are_not_judged_yet_are_dimmed():

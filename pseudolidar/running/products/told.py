@@ -16,11 +16,10 @@ from pseudolidar.evaluation.obstacles import JudgedObject
 from pseudolidar.formats.obstacle_json import obstacle_fields
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.formats.track_json import track_fields
-from pseudolidar.obstacles.coasting import coasting_obstacle
-from pseudolidar.obstacles.tracker import Followed, Tracker
+from pseudolidar.obstacles.coasting import LastSeen
+from pseudolidar.obstacles.tracker import Tracker
 from pseudolidar.running.products.found import FoundFrame, found_name, parse_found, read_found
 from pseudolidar.running.products.product import Product
-from pseudolidar.structures.camera import Camera
 from pseudolidar.structures.obstacle import Obstacle
 
 
@@ -59,7 +58,7 @@ class Telling:
         self.told: dict[str, ToldFrame] = {}
         self._folder, self._committed = folder, frozenset(committed)
         self._left = iter(ids)
-        self._last_seen: dict[int, Obstacle] = {}
+        self._last_seen = LastSeen()
         self._follow = None if tracker is None else tracker.load()
 
     def __call__(self, name: str, product: Product) -> ToldFrame:
@@ -95,7 +94,7 @@ class Telling:
         seen, unseen = frame.parsed(name), tuple[Obstacle, ...]()
         if self._follow is not None:
             followed = self._follow(seen, frame.time_ns, frame.T_map_camera)
-            seen, unseen = followed.obstacles, self._unseen(followed, frame.camera)
+            seen, unseen = followed.obstacles, self._last_seen(followed, frame.camera)
         fields = [
             {**one, **({} if obstacle.track is None else track_fields(obstacle.track))}
             for one, obstacle in zip(frame.obstacles, seen, strict=True)
@@ -106,16 +105,3 @@ class Telling:
         ]
         self.told[name] = ToldFrame(frame.time_ns, fields, (*seen, *unseen), frame.judged)
         return self.told[name]
-
-    def _unseen(self, followed: Followed, camera: Camera) -> tuple[Obstacle, ...]:
-        """Tracks that coast, where they should be in view."""
-        for one in followed.obstacles:
-            if one.track is not None:
-                self._last_seen[one.track.track_id] = one
-        for track_id in followed.ended:
-            self._last_seen.pop(track_id, None)
-        found = (
-            coasting_obstacle(track, self._last_seen[track.track_id], camera)
-            for track in followed.coasting
-        )
-        return tuple(sorted((one for one in found if one), key=lambda one: one.distance_m))

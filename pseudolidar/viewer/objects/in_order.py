@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.obstacles.approach import FRAMES, Approach, approach
-from pseudolidar.obstacles.coasting import coasting_obstacle
+from pseudolidar.obstacles.coasting import LastSeen
 from pseudolidar.obstacles.corridor import Ahead
 from pseudolidar.obstacles.tracker import Following, Tracker
 from pseudolidar.structures.camera import Camera
@@ -26,10 +26,12 @@ class Told:
     Args:
         obstacles: with their tracks where they are followed, and those that should be in view.
         approach: how fast the nearest thing of the corridor comes nearer.
+        round: how often it was begun anew, for numbers of tracks begin anew with it.
     """
 
     obstacles: tuple[Obstacle, ...]
     approach: Approach | None = None
+    round: int = 0
 
 
 class InOrder:
@@ -42,6 +44,7 @@ class InOrder:
     def __init__(self, tracker: Tracker | None) -> None:
         self._tracker = tracker
         self._last: tuple[int, int, Objects, Told] | None = None
+        self._round = 0
         self._begin()
 
     def __call__(self, index: int, time_ns: int, objects: Objects, camera: Camera) -> Told:
@@ -58,13 +61,15 @@ class InOrder:
             return last[3]
         if last is None or not (index > last[0] and self._follows(last[1], time_ns)):
             self._begin()
-        told = Told(self._followed(objects, time_ns, camera), self._approach(objects, time_ns))
+        followed = self._followed(objects, time_ns, camera)
+        told = Told(followed, self._approach(objects, time_ns), self._round)
         self._last = index, time_ns, objects, told
         return told
 
     def _begin(self) -> None:
+        self._round += 1
         self._follow: Following | None = None if self._tracker is None else self._tracker.load()
-        self._seen: dict[int, Obstacle] = {}
+        self._seen = LastSeen()
         self._ahead = deque[tuple[float, Ahead | None]](maxlen=FRAMES)
 
     @staticmethod
@@ -79,12 +84,7 @@ class InOrder:
         except PseudolidarError:  # poses that begin or end midway are of another sequence
             self._begin()
             return objects.obstacles
-        self._seen |= {one.track.track_id: one for one in followed.obstacles if one.track}
-        unseen = (
-            coasting_obstacle(track, self._seen[track.track_id], camera)
-            for track in followed.coasting
-        )
-        return (*followed.obstacles, *(one for one in unseen if one is not None))
+        return (*followed.obstacles, *self._seen(followed, camera))
 
     def _approach(self, objects: Objects, time_ns: int) -> Approach | None:
         if objects.corridor is None:

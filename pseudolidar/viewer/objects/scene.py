@@ -12,7 +12,7 @@ from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.viewer.moment import Moment, Sight
 from pseudolidar.viewer.objects.in_order import Told
 from pseudolidar.viewer.objects.objects import Objects, WatchedCorridor
-from pseudolidar.viewer.objects.shown import Band, ShownObject, ShownTruth
+from pseudolidar.viewer.objects.shown import Band, ShownObject, ShownTruth, colour_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class ObjectScene:
 def shown_objects(told: Told, band: Band, T_forward_camera: Float64) -> tuple[ShownObject, ...]:
     """Those in a band, the nearest first."""
     every = [
-        ShownObject.of(number, obstacle, T_forward_camera)
+        ShownObject.of(number, obstacle, T_forward_camera, of_round=told.round)
         for number, obstacle in enumerate(told.obstacles, start=1)
         if band.holds(obstacle)
     ]
@@ -85,9 +85,7 @@ def shown_points(
     if not seen:
         return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint8)
     kept = np.array([band.holds(one) for one in seen])[objects.numbers]
-    palette = np.array(
-        [ShownObject.of(n, one, T_forward_camera).colour for n, one in enumerate(seen)], np.uint8
-    )
+    palette = np.array([colour_of(one) for one in seen], np.uint8)
     xyz = objects.xyz[kept] @ T_forward_camera[:3, :3].T + T_forward_camera[:3, 3]
     return np.asarray(xyz, np.float32), palette[objects.numbers[kept]]
 

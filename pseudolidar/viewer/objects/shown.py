@@ -65,7 +65,8 @@ class ShownObject:
     """One object of a frame.
 
     Args:
-        key: the same for the same thing as long as it is followed.
+        key: the same for the same thing as long as it is followed, and of no other; of a thing that
+            is not followed its place in its frame.
         obstacle: all that is known.
         colour: red, green, blue.
         corners_m: (8, 3) of its box, in the frame of the clouds.
@@ -79,13 +80,16 @@ class ShownObject:
     arrow_m: Float64 | None
 
     @classmethod
-    def of(cls, number: int, obstacle: Obstacle, T_forward_camera: Float64) -> Self:
+    def of(
+        cls, number: int, obstacle: Obstacle, T_forward_camera: Float64, *, of_round: int = 0
+    ) -> Self:
         """An object as it is drawn.
 
         Args:
             number: in its frame, from 1.
             obstacle: in `camera_left`.
             T_forward_camera: (4, 4) into the frame of the clouds.
+            of_round: in which numbers of tracks mean the same thing.
         """
         track, R, t = obstacle.track, T_forward_camera[:3, :3], T_forward_camera[:3, 3]
         corners = obstacle.box.corners_m() @ R.T + t
@@ -93,7 +97,7 @@ class ShownObject:
         if track is not None and moves(obstacle):
             middle = corners.mean(axis=0)
             arrow = np.stack([middle, middle + ARROW_S * (R @ track.velocity_m_s)])
-        key = f"object {number}" if track is None else f"track {track.track_id}"
+        key = f"object {number}" if track is None else f"track {of_round}.{track.track_id}"
         return cls(key, obstacle, colour_of(obstacle), corners, arrow)
 
     @property

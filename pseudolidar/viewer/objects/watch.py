@@ -51,6 +51,11 @@ class Wish:
     tracker: Tracker | None = None
 
     @property
+    def of_things(self) -> tuple[bool, Detector | None, Tracker | None]:
+        """Who says which thing is which: others mean others by the same number."""
+        return self.of_run, self.detect, self.tracker
+
+    @property
     def searching(self) -> bool:
         """Whether pictures are looked into."""
         return self.detect is not None or self.corridor is not None
@@ -79,24 +84,30 @@ class ObjectWatch:
         self.band = Band()
         self.chosen = ""
 
-    @property
-    def wish(self) -> Wish:
-        """What is wanted now."""
-        return self._wish
-
     def ask(self, wish: Wish) -> None:
-        """Want something else from now on."""
-        searching = wish.searching and self._sighted is not None
+        """Want something else from now on; of other detectors and trackers nothing is chosen."""
         with self._lock:
-            same = (wish.detect, wish.corridor) == (self._wish.detect, self._wish.corridor)
-            self._wish = wish
-            self._in_order = InOrder(None if wish.of_run else wish.tracker)
-        if same:
-            return
-        if searching and self._sighted is not None:
-            self._finder.change(Find(self._sighted, wish.detect, wish.corridor))
-        else:
-            self._finder.change(None)
+            before, self._wish = self._wish, wish
+            if wish.of_things != before.of_things:
+                self._in_order = InOrder(None if wish.of_run else wish.tracker)
+                self.chosen = ""
+            if (wish.detect, wish.corridor) != (before.detect, before.corridor):
+                self._search()
+
+    def again(self) -> None:
+        """Want the same anew: frames are seen otherwise now."""
+        with self._lock:
+            self._search()
+
+    def _search(self) -> None:
+        """Find what is wanted from now on; called with the lock held, so that the last one is it.
+
+        The finder holds no lock of its own while it calls others.
+        """
+        wish, find = self._wish, None
+        if wish.searching and self._sighted is not None:
+            find = Find(self._sighted, wish.detect, wish.corridor)
+        self._finder.change(find)
 
     def want(self, moments: Sequence[Moment]) -> None:
         """Find in these, the first one first."""
@@ -143,7 +154,7 @@ class ObjectWatch:
                 camera = moment.sight.camera
                 told = self._in_order(moment.index, moment.timestamp_ns, objects, camera)
         if self._wish.of_run:
-            told = replace(told, obstacles=self._run.get(moment.id, ()))
+            told = replace(told, obstacles=self._run.get(moment.id, ()), round=0)
         return objects, told
 
     def _text(self, moment: Moment, found: Objects | None, *, shown: int, every: int) -> str:

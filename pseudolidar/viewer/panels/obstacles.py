@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,11 +13,10 @@ import numpy as np
 
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.obstacles.corridor import Corridor
+from pseudolidar.obstacles.detector import Detector
 from pseudolidar.obstacles.detectors import AnyDetector
 from pseudolidar.obstacles.tracker import Tracker
-from pseudolidar.running.sighting import Seen
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.answers import Answer
 from pseudolidar.viewer.controls import set_value
 from pseudolidar.viewer.moment import Moment
@@ -25,6 +24,7 @@ from pseudolidar.viewer.objects.asking import NONE, OF_RUN, USUAL, detector_of, 
 from pseudolidar.viewer.objects.drawn import DrawnObjects, Parts
 from pseudolidar.viewer.objects.scene import ObjectScene
 from pseudolidar.viewer.objects.watch import ObjectWatch, RunObjects, Wish
+from pseudolidar.viewer.remembered import RememberedSights
 from pseudolidar.viewer.view import View
 
 PAGE = Path(__file__).parent.parent / "pages" / "obstacles.html"
@@ -66,7 +66,7 @@ class ObstaclesPanel:
 
     Args:
         view: what is looked at.
-        sighted: a frame to what is seen in it; None where nothing can be measured.
+        sights: a frame to what is seen in it; None where nothing can be measured.
         run: what a run found, by frame.
         asked: what is wanted from the start.
     """
@@ -74,7 +74,7 @@ class ObstaclesPanel:
     def __init__(
         self,
         view: View,
-        sighted: Callable[[Frame], Seen] | None,
+        sights: RememberedSights | None,
         run: RunObjects,
         asked: Asked = NOTHING_ASKED,
     ) -> None:
@@ -84,12 +84,15 @@ class ObstaclesPanel:
         self._drawing = threading.Lock()
         self._fault, self._version = "", 0
         self.scene = ObjectScene()
-        self.watch = ObjectWatch(sighted, run, self._came)
+        self._loaded: tuple[AnyDetector, Detector] | None = None
+        self.watch = ObjectWatch(sights, run, self._came)
         self._controls(of_run=bool(run))
         view.stage.followed = self._followed
         view.wait_for(self.watch.ready)
         view.on_shown(self._show)
         view.on_stop(self.watch.close)
+        if sights is not None:
+            sights.on_change(self._seen_otherwise)
         self._ask()
 
     def _controls(self, *, of_run: bool) -> None:
@@ -125,7 +128,9 @@ class ObstaclesPanel:
     def _chosen_controls(self) -> None:
         gui = self._view.gui
         self._follow = gui.add_checkbox(
-            "Hold the chosen", False, hint="The scene moves, the chosen object stays where it is."
+            "Hold the chosen",
+            False,
+            hint="The scene moves, the chosen object stays where it is, as long as it is followed.",
         )
         self._look = gui.add_button("Look at the chosen one", disabled=True)
         self._follow.on_update(lambda _: self._hold())
@@ -176,9 +181,10 @@ class ObstaclesPanel:
     def _choose(self) -> None:
         kind = self._kind.value
         self._words.visible = kind in USUAL
-        if kind in USUAL:
-            set_value(self._words, USUAL[kind])
-        self._ask()
+        if kind in USUAL and self._words.value != USUAL[kind]:
+            set_value(self._words, USUAL[kind])  # which asks
+        else:
+            self._ask()
 
     def _ask(self) -> None:
         """Find what the controls say."""
@@ -186,13 +192,25 @@ class ObstaclesPanel:
         self._fault = ""
         detect = None
         try:
-            settings = detector_of(self._kind.value, self._words.value, self._asked.detector)
-            detect = None if settings is None else settings.load()
+            detect = self._detector()
         except PseudolidarError as error:
             self._fault = str(error)
         corridor = Corridor(*self._size.value) if self._watched.value else None
         tracker = Tracker() if self._track.value else None
         self.watch.ask(Wish(self._kind.value == OF_RUN, detect, corridor, tracker))
+        self._again()
+
+    def _detector(self) -> Detector | None:
+        """The one that the controls say, loaded once as long as they say the same."""
+        settings = detector_of(self._kind.value, self._words.value, self._asked.detector)
+        if settings is None:
+            return None
+        if self._loaded is None or self._loaded[0] != settings:
+            self._loaded = settings, settings.load()
+        return self._loaded[1]
+
+    def _seen_otherwise(self) -> None:
+        self.watch.again()
         self._again()
 
     def _hold(self) -> None:
@@ -245,7 +263,9 @@ class ObstaclesPanel:
         if not self._follow.value:
             return None
         chosen = self.watch.scene(moment).chosen_one
-        return None if chosen is None else chosen.middle_m
+        if chosen is None or chosen.obstacle.track is None:  # the next frame's is another one
+            return None
+        return chosen.middle_m
 
     def _look_at(self, event: Any) -> None:
         chosen, client = self.scene.chosen_one, event.client

@@ -35,6 +35,7 @@ def test_colours_are_of_their_lines():
     assert colours.shape == (6, 2, 3)
     assert np.all(colours[:3] == (255, 0, 0))
     assert np.all(colours[3:] == (0, 255, 0))
+    assert np.all(coloured([(128, 64, 0)], 1) == (56, 12, 0))  # light, not what a screen is sent
 
 
 def test_words_that_would_cover_nearer_ones_are_left_out():

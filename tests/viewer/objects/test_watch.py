@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,19 +13,24 @@ from pseudolidar.pipelines.obstacles import Obstacles, finder
 from pseudolidar.pipelines.obstacles import opened as obstacles_opened
 from pseudolidar.pipelines.view import View, reel_by
 
+from pseudolidar.errors import StereoConfig
 from pseudolidar.obstacles.corridor import Corridor
 from pseudolidar.obstacles.labels import Labels
 from pseudolidar.obstacles.tracker import Tracker
 from pseudolidar.running.finding import figures
 from pseudolidar.running.products.corridor_table import watched
 from pseudolidar.running.products.found import Found
+from pseudolidar.running.sighting import Seen
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.obstacle import Obstacle
+from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.moment import Moment
+from pseudolidar.viewer.objects.objects import Find
 from pseudolidar.viewer.objects.scene import ObjectScene
 from pseudolidar.viewer.objects.shown import SURE, Band
 from pseudolidar.viewer.objects.watch import ObjectWatch, Wish
+from pseudolidar.viewer.remembered import RememberedSights
 
 CORRIDOR = Corridor(2.0, 2.0, 30.0)
 KITTI_OBJECT = Path("/work/shared/data/kitti_object/training")
@@ -125,6 +130,7 @@ def test_identities_stay_while_frames_come_in_order(street: Looked):
     assert "confirmed" in believed
     # Going back, nobody knows who they were: it begins anew.
     back = street.scene(0)
+    assert not {one.key for one in back.objects} & {*keys[0], *keys[1], *keys[2]}
     assert {one.obstacle.track.state for one in back.objects if one.obstacle.track} == {"tentative"}
 
 
@@ -186,6 +192,61 @@ def test_unsure_ones_are_known(street: Looked):
         seen = one.obstacle
         assert one.sure == (seen.measured_by != "size" and seen.confidence >= SURE)
         assert one.row["sure"] == one.sure
+
+
+def test_other_ways_to_find_choose_nothing(street: Looked):
+    watch = ObjectWatch(None, {}, lambda _: None)
+    watch.ask(LABELS)
+    watch.chosen = "track 1.1"
+    watch.ask(replace(LABELS, corridor=None))
+    assert watch.chosen == "track 1.1"
+    for wish in (replace(LABELS, tracker=None), replace(LABELS, detect=None), Wish(of_run=True)):
+        watch.chosen = "track 1.1"
+        watch.ask(wish)
+        assert watch.chosen == ""
+    watch.close()
+
+
+def test_the_last_wish_is_the_one_that_is_looked_for(monkeypatch: pytest.MonkeyPatch):
+    watch = ObjectWatch(lambda _: None, {}, lambda _: None)  # type: ignore[arg-type, return-value]
+    begun, asked = threading.Event(), threading.Event()
+    found: list[Find] = []
+
+    def change(find: Find) -> None:
+        if find.corridor is CORRIDOR:
+            begun.set()
+            asked.wait(0.2)
+        found.append(find)
+
+    monkeypatch.setattr(watch._finder, "change", change)
+    first = threading.Thread(target=watch.ask, args=[LABELS])
+    first.start()
+    assert begun.wait(5)
+    watch.ask(replace(LABELS, corridor=None))
+    asked.set()
+    first.join()
+    assert found[-1].corridor is None
+    watch.close()
+
+
+def test_objects_are_found_anew_where_frames_are_seen_otherwise(street: Looked):
+    came = threading.Semaphore(0)
+    sights = RememberedSights(refusing("first"))
+    watch = ObjectWatch(sights, {}, lambda _: came.release())
+    sights.on_change(watch.again)
+    watch.ask(LABELS)
+    again = Looked(watch, street.moments, [], came)
+    assert "first" in again.scene(0).text
+    sights.change(refusing("second"))
+    assert "second" in again.scene(0).text
+    watch.close()
+
+
+def refusing(why: str) -> Callable[[Frame], Seen]:
+    def sighted(_frame: Frame) -> Seen:
+        raise StereoConfig(why, want="something else")
+
+    return sighted
 
 
 def test_what_hinders_is_told(street: Looked):
