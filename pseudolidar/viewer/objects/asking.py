@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import get_args
+from collections.abc import Callable, Mapping
 
 from pseudolidar.errors import UsageError
 from pseudolidar.obstacles.cloud import Cloud
@@ -18,8 +18,6 @@ from pseudolidar.running.settings_schema import choice_name
 NONE, OF_RUN = "none", "of the run"
 # What detectors that need words are given at first.
 USUAL = {"range": "2-20", "colour": "red", "regions": "480,180,620,260"}
-# A browser names no files: these come with the command that started the viewer.
-BY_FILE = ("template", "onnx")
 _NUMBERS = re.compile(r"[\d.,+\- ]{1,80}")
 
 
@@ -30,9 +28,8 @@ def kinds(*, of_run: bool, given: AnyDetector | None) -> tuple[str, ...]:
         of_run: whether a run has found objects already.
         given: the one that the viewer was started with.
     """
-    own = [name for name in _names() if name not in BY_FILE]
     first = [OF_RUN] if of_run else []
-    return (*first, NONE, *([] if given is None else [given_name(given)]), *own)
+    return (*first, NONE, *([] if given is None else [given_name(given)]), *_BY_WORDS)
 
 
 def given_name(given: AnyDetector) -> str:
@@ -53,22 +50,23 @@ def detector_of(kind: str, text: str, given: AnyDetector | None) -> AnyDetector 
     """
     if given is not None and kind == given_name(given):
         return given
-    match kind:
-        case "labels":
-            return Labels()
-        case "cloud":
-            return Cloud()
-        case "range":
-            return Range(Band.parse(text))
-        case "colour":
-            return Colour(Hues.parse(text), most=5)
-        case "regions":
-            # Anything else would be taken for the path of a file.
-            if not _NUMBERS.fullmatch(text):
-                raise UsageError(f"{text!r}", want="LEFT,TOP,RIGHT,BOTTOM in px")
-            return Regions(Boxes.parse(text))
-    return None
+    made = _BY_WORDS.get(kind)
+    return None if made is None else made(text)
 
 
-def _names() -> tuple[str, ...]:
-    return tuple(choice_name(one) for one in get_args(AnyDetector))
+def _regions(text: str) -> Regions:
+    # Anything else would be taken for the path of a file.
+    if not _NUMBERS.fullmatch(text):
+        raise UsageError(f"{text!r}", want="LEFT,TOP,RIGHT,BOTTOM in px")
+    return Regions(Boxes.parse(text))
+
+
+# What words make of each kind. A browser names no files: detectors that read one are not among
+# these, and come with the command that started the viewer.
+_BY_WORDS: Mapping[str, Callable[[str], AnyDetector]] = {
+    "labels": lambda _text: Labels(),
+    "regions": _regions,
+    "colour": lambda text: Colour(Hues.parse(text), most=5),
+    "range": lambda text: Range(Band.parse(text)),
+    "cloud": lambda _text: Cloud(),
+}

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -100,34 +101,26 @@ class DrawnObjects:
         self._lines(name, drawn, coloured(colours, each), width_px)
 
     def _lines(self, name: str, lines: Float32, colours: UInt8, width_px: float) -> None:
+        add = partial(self._scene.add_line_segments, thickness=width_px, thickness_units="screen")
+        self._put(name, add, lines, colours)
+
+    def _put(self, name: str, add: Callable[..., Any], points: Float32, colours: UInt8) -> None:
+        """Draw points in place of those before, with the node that `add` makes; none: hide it."""
         node = self._nodes.get(name)
-        if not len(lines):
-            if node is not None:
-                node.visible = False
+        if node is not None:
+            node.visible = len(points) > 0
+        if not len(points):
             return
         if node is None:
-            self._nodes[name] = self._scene.add_line_segments(
-                f"{NODE}/{name}", lines, colours, thickness=width_px, thickness_units="screen"
-            )
+            self._nodes[name] = add(f"{NODE}/{name}", points, colours)
             return
-        node.points, node.colors, node.visible = lines, colours, True
+        node.points, node.colors = points, colours
 
     def _arrows(self, scene: ObjectScene) -> None:
         moving = [one for one in scene.objects if one.arrow_m is not None]
-        node = self._nodes.get("arrows")
-        if not moving:
-            if node is not None:
-                node.visible = False
-            return
+        add = partial(self._scene.add_arrows, shaft_radius=0.06, head_radius=0.18, head_length=0.4)
         points = np.asarray([one.arrow_m for one in moving], np.float32)
-        colours = np.array([one.colour for one in moving], np.uint8)
-        if node is None:
-            self._nodes["arrows"] = self._scene.add_arrows(
-                f"{NODE}/arrows", points, colours,
-                shaft_radius=0.06, head_radius=0.18, head_length=0.4,
-            )  # fmt: skip
-            return
-        node.points, node.colors, node.visible = points, colours, True
+        self._put("arrows", add, points, np.array([one.colour for one in moving], np.uint8))
 
     def _corridor(self, scene: ObjectScene) -> None:
         corridor = scene.corridor
@@ -139,18 +132,11 @@ class DrawnObjects:
         self._lines("corridor", lines, coloured([colour], len(lines)), SURE_PX)
 
     def _points(self, scene: ObjectScene) -> None:
-        node = self._nodes.get("points")
-        if not len(scene.xyz):
-            if node is not None:
-                node.visible = False
-            return
-        if node is None:
-            self._nodes["points"] = self._scene.add_point_cloud(
-                f"{NODE}/points", scene.xyz, scene.colours, point_size=POINT_M,
-                point_shape="rounded", point_shading="flat", precision="float32",
-            )  # fmt: skip
-            return
-        node.points, node.colors, node.visible = scene.xyz, scene.colours, True
+        add = partial(
+            self._scene.add_point_cloud, point_size=POINT_M, point_shape="rounded",
+            point_shading="flat", precision="float32",
+        )  # fmt: skip
+        self._put("points", add, scene.xyz, scene.colours)
 
     def _words(self, scene: ObjectScene, parts: Parts) -> None:
         """Words above the nearest objects; of labels where nothing was found."""

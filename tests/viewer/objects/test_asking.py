@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from pseudolidar.errors import UsageError
 from pseudolidar.obstacles.cloud import Cloud
 from pseudolidar.obstacles.colour import Colour
+from pseudolidar.obstacles.detectors import AnyDetector
 from pseudolidar.obstacles.hues import Hues
 from pseudolidar.obstacles.labels import Labels
 from pseudolidar.obstacles.regions import Boxes, Regions
 from pseudolidar.obstacles.template import Template
 from pseudolidar.obstacles.within import Band, Range
+from pseudolidar.running.settings_schema import choice_name
 from pseudolidar.viewer.objects.asking import USUAL, detector_of, kinds
 
 GIVEN = Template(Path("bike.png"))
@@ -33,6 +36,11 @@ def test_detectors_that_read_files_come_with_the_command_alone():
     assert detector_of("template, as started", "", GIVEN) is GIVEN
     assert detector_of("template, as started", "", None) is None
     assert detector_of("template", "other.png", GIVEN) is None
+
+
+def test_every_detector_is_asked_for_by_words_or_comes_with_the_command():
+    names = {choice_name(one) for one in get_args(AnyDetector)}
+    assert {*kinds(of_run=False, given=None)} == {"none", *names} - {"template", "onnx"}
 
 
 def test_words_are_those_of_the_flags():
