@@ -28,6 +28,11 @@ class CloudDistances:
     completeness_m: Float64
     reference_range_m: Float64
 
+    def thinned(self, most: int) -> CloudDistances:
+        """At most so many points of each cloud, the same share of both."""
+        points = max(len(self.accuracy_m), len(self.completeness_m))
+        return self.every(max(1, -(-points // most)))
+
     def every(self, step: int) -> CloudDistances:
         """One of so many points each, of both clouds."""
         return CloudDistances(

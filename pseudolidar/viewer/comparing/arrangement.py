@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pseudolidar.viewer.comparing.companions import Companion
+from pseudolidar.viewer.comparing.pool import EVERY
 from pseudolidar.viewer.moment import VELODYNE
 
 OVER, IN_TURN, ASIDE = "over each other", "in turn", "side by side"
@@ -64,19 +65,27 @@ def modes(groups: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
 
 
 def groups_of(
-    clouds: Sequence[str], companions: Sequence[Companion], chosen: Sequence[str]
+    clouds: Sequence[str],
+    companions: Sequence[Companion],
+    chosen: Sequence[str],
+    *,
+    makings: Sequence[str] = (),
+    stills: Sequence[str] = (),
 ) -> dict[str, tuple[str, ...]]:
     """What is shown in turn: the sequences, where there are several, else the chosen clouds.
 
-    The scan belongs to all and stays.
+    The scan belongs to all and stays, as does what lies still in the map.
 
     Args:
         clouds: of the frame, by name.
         companions: the other sequences.
-        chosen: two clouds that are compared.
+        chosen: two that are compared; what is no cloud, as the truth, is not shown in turn.
+        makings: clouds of the frame that `EVERY` stands for.
+        stills: clouds that lie still.
     """
     if not companions:
-        return {name: (name,) for name in chosen if name}
+        named = [each for name in chosen for each in (makings if name == EVERY else (name,))]
+        return {name: (name,) for name in named if name in clouds or name in stills}
     groups = {
         one.label: tuple(name for name in clouds if name.startswith(f"{one.label}: "))
         for one in companions

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from pseudolidar.errors import PseudolidarError
-from pseudolidar.evaluation.compared import ComparedFrame
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.comparing.errors import (
     ErrorsByRange,
@@ -18,7 +17,8 @@ from pseudolidar.viewer.moment import Moment
 
 # Every stereo cloud of the scene that can be judged, one beside the other.
 EVERY = "every stereo cloud"
-# Reference points that are kept of all frames together, as `compare` does.
+# Points that are kept of a cloud's frames together: of the reference, as `compare` does, or of both
+# clouds.
 MOST_POINTS = 4_000_000
 
 
@@ -32,7 +32,7 @@ class Pool:
     """
 
     def __init__(self, name: str, against: str, *, frames: int = 1) -> None:
-        self._name, self._against = name, against
+        self.name, self.against = name, against
         self._most = max(1, MOST_POINTS // max(1, frames))
         self._found: dict[str, list[Evidence]] = {}
         self.faults: list[str] = []
@@ -41,21 +41,19 @@ class Pool:
         """What a frame says; one that cannot be used is among the faults."""
         if moment.fault:
             self.faults.append(f"{moment.id}: {moment.fault}")
-        for name in names_of(moment, self._name, self._against):
+        for name in names_of(moment, self.name, self.against):
             try:
-                found = evidence(moment, stills, name, self._against)
+                found = evidence(moment, stills, name, self.against)
             except PseudolidarError as error:
                 self.faults.append(f"{moment.id}: {error}")
                 continue
-            if isinstance(found, ComparedFrame):
-                found = found.thinned(self._most)
             if found is not None:
-                self._found.setdefault(name, []).append(found)
+                self._found.setdefault(name, []).append(found.thinned(self._most))
 
     def told(self) -> tuple[ErrorsByRange, ...]:
         """Figures of every cloud that was judged; those of another way than the first left out."""
         every = [
-            errors_by_range(name, self._against, frames) for name, frames in self._found.items()
+            errors_by_range(name, self.against, frames) for name, frames in self._found.items()
         ]
         known = [one for one in every if one is not None]
         return tuple(one for one in known if one.way == known[0].way)

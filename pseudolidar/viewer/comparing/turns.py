@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable
+
+_log = logging.getLogger(__name__)
 
 # How long each is shown, s.
 PACE_S = 0.8
@@ -41,5 +44,9 @@ class Turns:
 
     def _turn(self) -> None:
         while self._wanted.wait() and not self._ended.wait(self._pace_s):
-            if self._wanted.is_set():
+            if not self._wanted.is_set():
+                continue
+            try:
                 self._next()
+            except Exception:  # one turn's trouble is not that of the next
+                _log.exception("a turn was not taken")

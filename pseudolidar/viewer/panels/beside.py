@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 
 from pseudolidar.viewer.comparing.arrangement import (
@@ -33,6 +34,8 @@ class BesidePanel:
 
     def __init__(self, view: View, companions: Companions) -> None:
         self._view, self._companions, gui = view, companions, view.gui
+        # Whose turn it is comes from a thread of its own; setting controls calls back at once.
+        self._lock = threading.RLock()
         self._arrangement, self._chosen = Arrangement(), ("", "")
         self._turns = Turns(self._next_turn)
         self._mode = gui.add_dropdown("Arranged", (OVER, IN_TURN, ASIDE))
@@ -55,21 +58,29 @@ class BesidePanel:
     @property
     def groups(self) -> dict[str, tuple[str, ...]]:
         """Names of clouds by what they are shown with."""
-        clouds = tuple(self._view.stage.shown)
-        return groups_of(clouds, self._companions.every, self._chosen)
+        stage, moment = self._view.stage, self._view.moment
+        return groups_of(
+            tuple(stage.shown),
+            self._companions.every,
+            self._chosen,
+            makings=() if moment is None else tuple(moment.makings),
+            stills=tuple(stage.stills),
+        )
 
     def _show(self, _moment: Moment) -> None:
         self._arrange()
 
     def _set(self, **changes: str | float) -> None:
-        self._arrangement = replace(self._arrangement, **changes)  # type: ignore[arg-type]
-        self._apart.visible = self._arrangement.mode == ASIDE
-        self._turns.run(wanted=self._arrangement.mode == IN_TURN)
-        self._arrange()
+        with self._lock:
+            self._arrangement = replace(self._arrangement, **changes)  # type: ignore[arg-type]
+            self._apart.visible = self._arrangement.mode == ASIDE
+            self._turns.run(wanted=self._arrangement.mode == IN_TURN)
+            self._arrange()
 
     def _next_turn(self) -> None:
-        self._arrangement = replace(self._arrangement, turn=self._arrangement.turn + 1)
-        self._arrange()
+        with self._lock:
+            self._arrangement = replace(self._arrangement, turn=self._arrangement.turn + 1)
+            self._arrange()
 
     def _step(self) -> None:
         """By hand: what is shown stays until the key is pressed again."""
@@ -79,12 +90,13 @@ class BesidePanel:
             set_value(self._mode, names[at % len(names)])
 
     def _arrange(self) -> None:
-        groups = self.groups
-        if modes(groups) != self._mode.options:
-            self._mode.options = modes(groups)
-        hidden = self._arrangement.hidden(groups)
-        self._view.stage.arrange(hidden, self._arrangement.shifts(groups))
-        shown = [name for name, group in groups.items() if not hidden.issuperset(group)]
-        self._text.visible = bool(hidden)
-        if hidden:
-            self._text.content = f"Now shown: **{escaped(', '.join(shown))}**"
+        with self._lock:
+            groups = self.groups
+            if modes(groups) != self._mode.options:
+                self._mode.options = modes(groups)
+            hidden = self._arrangement.hidden(groups)
+            self._view.stage.arrange(hidden, self._arrangement.shifts(groups))
+            shown = [name for name, group in groups.items() if not hidden.issuperset(group)]
+            self._text.visible = bool(hidden)
+            if hidden:
+                self._text.content = f"Now shown: **{escaped(', '.join(shown))}**"

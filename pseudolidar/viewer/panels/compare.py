@@ -97,19 +97,21 @@ class ComparePanel:
         self._move(0.0)
         self._progress.visible = self._stop.visible = True
         pool = Pool(self._name.value, self._against.value, frames=frames)
-        for index in range(frames):
-            if self._stopped or overtaken():
-                break
-            pool.add(self._view.made(index), self._view.stage.whole_stills)
-            self._move((index + 1) / frames)
-        self._progress.visible = self._stop.visible = False
+        try:
+            for index in range(frames):
+                if self._stopped or overtaken():
+                    break
+                pool.add(self._view.made(index), self._view.stage.whole_stills)
+                self._move((index + 1) / frames)
+        finally:
+            self._progress.visible = self._stop.visible = False
         self._told_all.content, self._told_all.visible = self._words(pool), True
 
     def _move(self, share: float) -> None:
         self._progress.value = 100.0 * share  # type: ignore[misc] # a setter that mypy does not see
 
     def _words(self, pool: Pool) -> str:
-        if self._name.value == self._against.value:
+        if pool.name == pool.against:
             return paragraph(SAME)
         found = pool.told()
         faults = [paragraph(fault) for fault in pool.faults[:FAULTS_TOLD]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 
 from pseudolidar.errors import PseudolidarError
@@ -49,9 +50,11 @@ class RigPanel:
             self._stop = gui.add_button("Stop", visible=False)
             self._text = gui.add_markdown("", visible=False)
             self._save = gui.add_html(SAVE, visible=False)
-        self._ended = False
-        self._stock.on_click(lambda _: self._work.ask(STOCK))
-        self._refine.on_click(lambda _: self._work.ask(REFINED))
+        self._lock = threading.Lock()
+        self._working = self._ended = False
+        self._overtaken: Callable[[], bool] = lambda: False
+        self._stock.on_click(lambda _: self._ask(STOCK))
+        self._refine.on_click(lambda _: self._ask(REFINED))
         self._stop.on_click(lambda _: self._end())
         view.on_stop(self.close)
 
@@ -63,22 +66,36 @@ class RigPanel:
     def _end(self) -> None:
         self._ended = True
 
-    def _do(self, what: str, _overtaken: Callable[[], bool]) -> None:
-        self._ended = False
+    def _ask(self, what: str) -> None:
+        """Begin at once for those who look, so that neither a second click nor Stop is lost."""
+        with self._lock:
+            if self._working:
+                return
+            self._working, self._ended = True, False
+        self._seen = 0
+        self._move(0.0)
+        self._busy(busy=True)
+        self._work.ask(what)
+
+    def _do(self, what: str, overtaken: Callable[[], bool]) -> None:
+        self._overtaken = overtaken
         try:
+            self._go_on()
             if what == STOCK:
-                self._join(STOCK, self._shop.by_rig(None))
+                reel = self._shop.by_rig(None)
+                self._go_on()
+                self._join(STOCK, reel)
             else:
                 self._fit()
-        except PseudolidarError as error:
-            self._say("Stopped." if self._ended else str(error))
+        except PseudolidarError as error:  # of a fit that is ended it may be another one
+            self._say("Stopped." if self._ended or overtaken() else str(error))
         finally:
             self._busy(busy=False)
+            self._working = False
 
     def _fit(self) -> None:
-        self._seen = 0
-        self._busy(busy=True)
         found = self._shop.refined(self._told)
+        self._go_on()
         self._say("\n".join(found.lines))
         if found.reel is not None:
             self._file, self._save.visible = found.file, True
@@ -89,11 +106,16 @@ class RigPanel:
         companion = Companion.of(label, reel, self._first)
         join(self._view, self._companions, companion, self._view.stage.look(STEREO))
 
-    def _told(self, frames: int) -> None:
-        if self._ended:
+    def _go_on(self) -> None:
+        if self._ended or self._overtaken():
             raise Ended("stopped by hand", want="a fit that nobody ends")
+
+    def _told(self, frames: int) -> None:
+        self._go_on()
         self._seen += 1
-        share = min(self._seen / frames, 1.0)
+        self._move(min(self._seen / frames, 1.0))
+
+    def _move(self, share: float) -> None:
         self._progress.value = 100.0 * share  # type: ignore[misc] # a setter that mypy misses
 
     def _busy(self, *, busy: bool) -> None:
