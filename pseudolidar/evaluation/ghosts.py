@@ -8,7 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.errors import StructureError
-from pseudolidar.evaluation.scan_surface import SEEN_COLUMNS_PX, SEEN_ROWS_PX, ScanSurface
+from pseudolidar.evaluation.scan_surface import (
+    SEEN_COLUMNS_PX,
+    SEEN_ROWS_PX,
+    ScanSurface,
+    pixel_rays,
+)
 from pseudolidar.geometry.depth import depth_map
 from pseudolidar.structures.arrays import Bool, Float64
 from pseudolidar.structures.camera import StereoRig
@@ -134,10 +139,7 @@ def judge_points(cloud: PointCloud, frame: StereoFrame, surface: ScanSurface) ->
 def _off_truth_m(range_m: Float64, truth: DisparityMap, rig: StereoRig) -> Float64:
     """(H, W) difference to the nearest range of the true disparities around each pixel; or NaN."""
     height, width = range_m.shape
-    v, u = np.indices((height, width)).astype(np.float64)
-    slant = np.linalg.norm(
-        np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(rig.left.K).T, axis=-1
-    )
+    slant = np.linalg.norm(pixel_rays(rig.left), axis=1).reshape(height, width)
     true_m = np.full((height + 2 * SEEN_ROWS_PX, width + 2 * SEEN_COLUMNS_PX), np.nan)
     inner = (
         slice(SEEN_ROWS_PX, SEEN_ROWS_PX + height),

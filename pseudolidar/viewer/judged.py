@@ -38,8 +38,13 @@ def compared_of(converted: Converted | None, kind: OwnKind = "auto") -> Compared
         CalibrationField: nobody knows where the scan was taken.
     """
     found = reference_of(converted, kind)
-    if found is None or converted is None or converted.disparity is None:
+    if found is None or converted is None:
         return None
+    return _compared(converted, found)
+
+
+def _compared(converted: Converted, found: StereoFrame) -> ComparedFrame:
+    assert converted.disparity is not None  # of what has a reference
     against = against_scan if kind_of(found) == SCAN else against_truth
     return against(converted.disparity, found)
 
@@ -71,9 +76,10 @@ def error_of_pixels(converted: Converted) -> Float64 | None:
     Raises:
         CalibrationField: nobody knows where the scan was taken.
     """
-    found, compared = reference_of(converted), compared_of(converted)
-    if found is None or compared is None:
+    found = reference_of(converted)
+    if found is None:
         return None
+    compared = _compared(converted, found)
     error_m = at_pixels(compared, errors_m(compared))
     if found.scan is None or converted.depth is None:
         return error_m

@@ -88,11 +88,6 @@ class Companions:
             others = (one for one in self._every if one.label != companion.label)
             self._every = (*others, companion)
 
-    def remove(self, label: str) -> None:
-        """Show it no more."""
-        with self._lock:
-            self._every = tuple(one for one in self._every if one.label != label)
-
     def __call__(self, moment: Moment) -> Moment:
         """The frame with those of all others that belong to it."""
         for companion in self._every:

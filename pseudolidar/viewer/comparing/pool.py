@@ -51,12 +51,11 @@ class Pool:
                 self._found.setdefault(name, []).append(found.thinned(self._most))
 
     def told(self) -> tuple[ErrorsByRange, ...]:
-        """Figures of every cloud that was judged; those of another way than the first left out."""
+        """Figures of every cloud that was judged."""
         every = [
             errors_by_range(name, self.against, frames) for name, frames in self._found.items()
         ]
-        known = [one for one in every if one is not None]
-        return tuple(one for one in known if one.way == known[0].way)
+        return tuple(one for one in every if one is not None)
 
 
 def names_of(moment: Moment, name: str, against: str) -> tuple[str, ...]:

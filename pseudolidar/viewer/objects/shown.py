@@ -138,12 +138,10 @@ class ShownObject:
             "colour": "#{:02x}{:02x}{:02x}".format(*self.colour),
             "sure": self.sure,
             "distance": self.distance.removesuffix(" m"),
-            "distance_m": one.distance_m,
             "size": f"{box.length_m:.1f}×{box.width_m:.1f}×{box.height_m:.1f}",
             "speed": speed_text(one),
             "contact": contact_text(one),
             "state": state_text(one),
-            "box_px": list(one.detection.box_px),
         }
 
 

@@ -14,6 +14,7 @@ from pseudolidar.viewer.controls import set_value
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.panels.beside import BesidePanel
 from pseudolidar.viewer.panels.rig import RigPanel
+from pseudolidar.viewer.panels.time import escaped
 from pseudolidar.viewer.tuning.latest import Latest
 from pseudolidar.viewer.view import View
 
@@ -45,6 +46,7 @@ class ComparePanel:
         gui.add_markdown(HINT)
         self._name = gui.add_dropdown("Cloud", NOTHING)
         self._against = gui.add_dropdown("Against", NOTHING)
+        self._paired = gui.add_markdown("", visible=False)
         self._beside = BesidePanel(view, companions)
         self._wanted = gui.add_checkbox("Errors of the shown frame", initial_value=False)
         self._told = gui.add_html("", visible=False)
@@ -78,7 +80,15 @@ class ComparePanel:
                 set_value(self._name, EVERY)
         if references and references != self._against.options:
             self._against.options = references
+        self._tell_pairs()
         self._ask()
+
+    def _tell_pairs(self) -> None:
+        """Which frames belong together: where nothing else tells it, only their place does."""
+        lines = [escaped(f"{one.label}: {one.how}") for one in self._companions.every]
+        told = "  \n".join(lines)
+        if told != self._paired.content:
+            self._paired.content, self._paired.visible = told, bool(lines)
 
     def _ask(self) -> None:
         moment = self._view.moment

@@ -13,7 +13,6 @@ from pseudolidar.obstacles.hues import NAMED, Hues
 from pseudolidar.running.reports.samples import photo_of
 from pseudolidar.structures.arrays import UInt8
 from pseudolidar.structures.frame import StereoFrame
-from pseudolidar.structures.recorded import DepthFrame
 from pseudolidar.viewer.controls import set_value
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.panels.picture import PicturePanel
@@ -74,10 +73,8 @@ class HuePanel:
         if not self._on.value or moment is None or moment.converted is None:
             return
         frame = moment.converted.frame
-        if not isinstance(frame, StereoFrame | DepthFrame):
-            return
-        image = frame.left if isinstance(frame, StereoFrame) else frame.image
-        colour = colour_at(image, x, y)
+        assert isinstance(frame, StereoFrame)  # others cannot be tuned
+        colour = colour_at(frame.left, x, y)
         if colour is None:
             self._text.content = "No colour there: grey, or too dark."
             return
@@ -96,10 +93,6 @@ class HuePanel:
             self.colour = colour
             self._sync()
             self._ask()
-
-    def idle(self, timeout_s: float) -> bool:
-        """Wait until what was asked for is found; tells whether it is."""
-        return self._latest.idle(timeout_s)
 
     def _change(self, change: Callable[[], Colour]) -> None:
         with self._lock:
@@ -141,12 +134,13 @@ class HuePanel:
             self._syncing = False
 
     def _ask(self) -> None:
-        if self._on.value:
-            self._latest.ask(self.colour)
-        else:
+        with self._lock:
+            if self._on.value:
+                self._latest.ask(self.colour)
+                return
             self._found = None
             self._text.content = HINT
-            self._view.redraw()
+        self._view.redraw()
 
     def _shown(self, moment: Moment) -> None:
         """Look again in another frame, and in one that was matched anew."""
@@ -155,20 +149,20 @@ class HuePanel:
             self._latest.ask(self.colour)
 
     def _look(self, colour: Colour, _overtaken: Callable[[], bool]) -> None:
-        moment = self._view.moment
+        moment, found = self._view.moment, None
         try:
-            seen = self._picture.seen()
-            if seen is None or moment is None:
-                self._text.content = "Nothing can be measured here."
-                return
-            found = found_by(colour, seen.sight)
+            seen = None if moment is None else self._picture.seen(moment)
+            found = None if seen is None else found_by(colour, seen.sight)
+            told = "Nothing can be measured here." if found is None else _told(colour, found)
         except PseudolidarError as refusal:
-            self._text.content = escaped(str(refusal))
-            return
-        self._found = moment, found
-        lines = found.lines or ("nothing has this colour",)
-        said = "  \n".join(lines)
-        self._text.content = f"{said}\n\n`{flag_of(colour)}`"
+            told = escaped(str(refusal))
+        with self._lock:
+            if not self._on.value:  # it was switched off meanwhile
+                return
+            self._text.content = told
+            if moment is None or found is None:
+                return
+            self._found = moment, found
         self._view.redraw()
 
     def _there(self, moment: Moment) -> bool:
@@ -178,3 +172,9 @@ class HuePanel:
         assert moment.converted is not None
         photo, found = photo_of(moment.converted.frame), self._found
         return photo if found is None else marked(photo, found[1].mask)
+
+
+def _told(colour: Colour, found: Found) -> str:
+    """What was found, and the flag that finds it."""
+    said = "  \n".join(found.lines or ("nothing has this colour",))
+    return f"{said}\n\n`{flag_of(colour)}`"

@@ -71,16 +71,15 @@ class PicturePanel:
         if self._sights is not None:
             self._sights.change(sighted)
 
-    def seen(self) -> Seen | None:
-        """What is seen in the shown frame; None where nothing can be measured.
+    def seen(self, moment: Moment) -> Seen | None:
+        """What is seen in a frame; None where nothing can be measured.
 
         Raises:
             PseudolidarError: there is nothing to be seen.
         """
-        converted = self._converted
-        if converted is None or self._sights is None:
+        if moment.converted is None or self._sights is None:
             return None
-        return self._sights(converted.frame)
+        return self._sights(moment.converted.frame)
 
     def _fit(self, moment: Moment) -> None:
         """Make the page as high as pictures of this shape need."""

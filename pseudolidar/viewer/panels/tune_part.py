@@ -31,7 +31,6 @@ class KnobControl:
         self, gui: GuiApi, knob: Knob, value: Any, turned: Callable[[Knob, Any], None]
     ) -> None:
         self.knob = knob
-        self._visible = False
         self._own: Any = None
         if knob.optional:
             self._own = gui.add_checkbox(
@@ -48,7 +47,6 @@ class KnobControl:
 
     def show(self, *, visible: bool, value: Any) -> None:
         """Show it or not, and that value."""
-        self._visible = visible
         if visible and self._own is not None:
             set_value(self._own, value is not None)
         if visible and value is not None:

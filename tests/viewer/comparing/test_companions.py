@@ -119,7 +119,7 @@ def test_what_cannot_be_read_is_told_and_the_rest_is_shown():
     together.add(companion(first))
     together.add(companion(first, label="second"))
     assert list(together(first).clouds) == ["stereo", "run: stereo", "second: stereo"]
-    together.remove("run")
+    together.add(companion(Moment("a", 0), label="run"))  # in place of the one of that name
     assert list(together(first).clouds) == ["stereo", "second: stereo"]
     assert list(together(Moment("z", 7)).clouds) == []  # no partner
 

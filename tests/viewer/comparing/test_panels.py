@@ -157,6 +157,17 @@ def test_errors_of_all_frames_are_of_what_was_chosen_when_they_were_asked_for(vi
     assert not panel._stop.visible
 
 
+def test_it_is_told_which_frames_belong_together(view: View):
+    companions = Companions()
+    panel = ComparePanel(view, companions)
+    panel._show(view.made(0))
+    assert not panel._paired.visible
+    join(view, companions, Companion.of("run", Given(), Given()))
+    panel._show(view.made(0))
+    assert panel._paired.content == "run: 2 frames by their place"
+    assert panel._paired.visible
+
+
 def test_nothing_goes_on_where_a_frame_breaks(view: View, caplog: pytest.LogCaptureFixture):
     panel = ComparePanel(view, Companions())
 
