@@ -8,15 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pseudolidar.pipelines.view import View as ViewJob
 
 from pseudolidar.cli import main
+from pseudolidar.evaluation.cloud_distances import CloudDistances
 from pseudolidar.evaluation.comparison.bins import DepthBins
 from pseudolidar.formats.points.pcd import write_pcd
+from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.cloud import PointCloud
-from pseudolidar.viewer.comparing.errors import RangeRow, errors_by_range, evidence
+from pseudolidar.viewer.comparing.errors import AROUND_M, RangeRow, errors_by_range, evidence
 from pseudolidar.viewer.comparing.pool import Pool, choices
 from pseudolidar.viewer.comparing.range_plot import told
-from pseudolidar.viewer.moment import Moment
+from pseudolidar.viewer.moment import STEREO, VELODYNE, Moment
 
 BINS = DepthBins((5, 10, 20))
 
@@ -49,6 +52,48 @@ def test_clouds_have_the_figures_of_compare(tmp_path: Path, capsys: pytest.Captu
         assert row.p90 == pytest.approx(told_["accuracy_p90_m"], rel=1e-6)
         assert row.covered == pytest.approx(told_["recall_0_2"], rel=1e-6)
         assert row.bias is None
+
+
+def test_depths_have_the_figures_of_compare(capsys: pytest.CaptureFixture[str]):
+    size = ["--source.frames", "1", "--source.width-px", "256"]
+    assert main(["compare", "synthetic:street", *size, "--json"]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["reference"] == "LiDAR scans"
+    job = ViewJob()
+    pool = Pool(STEREO, VELODYNE)
+    pool.add(job.reel_of(Synthetic("street", frames=1, width_px=256)).load(0), {})
+    (shown,) = pool.told()
+    assert (shown.way, shown.frames) == ("depth", 1)
+    for row, told_ in zip((shown.overall, *shown.rows), (figures, *figures["bins"]), strict=True):
+        names = ("n", "median_rel", "p90_rel", "bias_rel", "density")
+        said = (row.n, row.median, row.p90, row.bias, row.covered)
+        assert said == tuple(told_[name] for name in names)
+
+
+def test_of_many_frames_some_points_are_kept(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("pseudolidar.viewer.comparing.pool.MOST_POINTS", 1000)
+    names = ("ours", "theirs")
+    moment = Moment("000000", 0, clouds=dict(zip(names, clouds(), strict=True)))
+    pool = Pool(*names, frames=2)
+    for _ in range(2):
+        pool.add(moment, {})
+    for frame in pool._found["ours"]:
+        assert isinstance(frame, CloudDistances)
+        assert 400 < len(frame.accuracy_m) <= 500
+        assert 300 < len(frame.completeness_m) <= 500
+    (shown,) = pool.told()
+    assert shown.overall.median == pytest.approx(0.08, abs=0.02)
+
+
+def test_a_map_is_seen_as_far_as_the_rig_sees():
+    own, _ = clouds()
+    ends = np.full((200, 3), (AROUND_M, 0, 0), np.float32)
+    ends[::2, 0], ends[1::2, 0] = AROUND_M - 1, AROUND_M + 1
+    xyz = np.concatenate([own.xyz, ends])
+    moment = Moment("a", 0, clouds={"points": own}, T_map_forward=np.eye(4))
+    found = evidence(moment, {"map.ply": PointCloud(xyz, "map")}, "map.ply", "map.ply")
+    assert isinstance(found, CloudDistances)
+    assert found.estimate_range_m.max() == pytest.approx(AROUND_M - 1)
 
 
 def test_a_map_is_seen_from_the_rig():
