@@ -11,19 +11,22 @@ import numpy as np
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.evaluation.disparity import disparity_errors
 from pseudolidar.evaluation.ranges import RangeErrors, errors_by_range
-from pseudolidar.geometry.triangulation import corrected_disparity, depth_from_disparity
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.tuning.judged import reference_px
-from pseudolidar.structures.arrays import Float32, Float64, Int64
+from pseudolidar.structures.arrays import Float32
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.viewer.judged import compared_of
 
 TRUTH, SCAN = "ground truth", "LiDAR"
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What the disparities of a frame are compared with.
+    """What the disparities of a frame are compared with: its truth, else its scan.
+
+    `compare`, and the tab Compare, take the scan first: they judge depths as a LiDAR measures them.
+    Here settings of matchers are judged, and only a truth knows all pixels that gaps are filled at.
 
     Args:
         by: what it is, in words.
@@ -82,7 +85,10 @@ def figures_of(converted: Converted, reference: Reference | None) -> FrameFigure
     if reference is None:
         return FrameFigures(density, points)
     errors = disparity_errors(converted.disparity, DisparityMap(reference.values))
-    found_m, true_m = _depths(converted, reference)
+    compared = compared_of(converted, "truth" if reference.by == TRUTH else "scan")
+    assert compared is not None  # the frame has that reference
+    known = np.isfinite(compared.depth_m)
+    found_m, true_m = compared.depth_m[known], compared.reference_m[known]
     relative = np.abs(found_m / true_m - 1.0)
     return FrameFigures(
         density,
@@ -93,23 +99,6 @@ def figures_of(converted: Converted, reference: Reference | None) -> FrameFigure
         float(np.median(relative)) if len(relative) else None,
         errors_by_range(found_m, true_m),
     )
-
-
-def _depths(converted: Converted, reference: Reference) -> tuple[Float64, Float64]:
-    """(N,) found and true depth, m, of pixels that have both; the rig's correction is applied."""
-    frame, disparity = converted.frame, converted.disparity
-    assert isinstance(frame, StereoFrame)
-    assert disparity is not None
-    row: Int64
-    row, column = np.nonzero(np.isfinite(reference.values) & disparity.valid)
-    u, v = column.astype(np.float64), row.astype(np.float64)
-    found, true = (
-        values[row, column].astype(np.float64) for values in (disparity.values, reference.values)
-    )
-    found_m = depth_from_disparity(corrected_disparity(found, u, v, frame.rig), u, frame.rig)
-    true_m = depth_from_disparity(true, u, frame.rig)
-    both = np.isfinite(found_m) & np.isfinite(true_m)
-    return found_m[both], true_m[both]
 
 
 # A column of a table: its heading, how its figure is read, how that is written.

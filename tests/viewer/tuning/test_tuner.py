@@ -16,6 +16,7 @@ from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.filled_map import Surfaces
 from pseudolidar.stereo.sgbm import Bm
+from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.viewer.moment import STEREO
 from pseudolidar.viewer.reel import SourceReel
 from pseudolidar.viewer.tuning.figures import Reference, figures_of, range_table_of, table_of
@@ -235,6 +236,22 @@ def test_figures_are_those_of_the_library(frame, converted):
     assert by_scan.by == "LiDAR"
     assert figures_of(converted[JOB], by_scan).depth_rel < 0.02
     assert Reference.of(replace(frame, truth=None, scan=None)) is None
+
+
+@pytest.mark.parametrize("gone", ["truth", "scan"])
+def test_depths_are_by_the_rig_with_its_correction(frame, converted, gone):
+    too_large = np.zeros(DisparityCorrection.TERMS)
+    too_large[0] = 1.0  # px
+    off = frame.rig.with_correction(DisparityCorrection(too_large, 0.0))
+    figures = [
+        figures_of(replace(converted[JOB], frame=one), Reference.of(one))
+        for one in (replace(frame, rig=rig, **{gone: None}) for rig in (frame.rig, off))
+    ]
+    for right, wrong in zip(*(one.ranges[1:3] for one in figures), strict=True):
+        depth_m = 0.5 * (right.from_m + right.to_m)
+        expected = depth_m / (frame.rig.left.focal_px * frame.rig.baseline_m)  # of 1 px
+        assert abs(right.bias_rel) < 0.02
+        assert wrong.bias_rel == pytest.approx(expected, rel=0.4)  # depths of the bin differ
 
 
 def test_tables_tell_both_and_their_change(frame, converted):
