@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pseudolidar.running.products.converted import Converted
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.structures.recorded import RecordedCloud
 from pseudolidar.viewer.comparing.arrangement import ASIDE, FIRST, IN_TURN, ONLY, OVER, groups_of
 from pseudolidar.viewer.comparing.companions import Companion, Companions
 from pseudolidar.viewer.comparing.joined import join
@@ -21,6 +23,7 @@ from pseudolidar.viewer.panels import beside
 from pseudolidar.viewer.panels.beside import BesidePanel
 from pseudolidar.viewer.panels.compare import ComparePanel
 from pseudolidar.viewer.server import GuardedServer
+from pseudolidar.viewer.stills import StillCloud
 from pseudolidar.viewer.view import View
 
 
@@ -89,6 +92,18 @@ def test_clouds_are_shown_one_at_a_time_and_aside(view: View):
     view.stage.show(view.made(0))
     panel._arrange()
     assert panel._mode.options[3:] == (f"{ONLY}{FIRST}", f"{ONLY}run")
+
+
+def test_a_map_and_every_stereo_cloud_are_shown_in_turn(view: View):
+    panel = BesidePanel(view, Companions())
+    view.stage.put(StillCloud("map.ply", cloud()))
+    panel.choose(STEREO, "map.ply")
+    assert list(panel.groups) == [STEREO, "map.ply"]
+    moment = view.made(0)
+    made = Converted(RecordedCloud(cloud(), "a", 0, 0), cloud())
+    view.moment = replace(moment, makings={STEREO: made})
+    panel.choose(EVERY, VELODYNE)
+    assert list(panel.groups) == [STEREO, VELODYNE]
 
 
 def test_turns_follow_one_another(view: View):
