@@ -45,7 +45,7 @@ def test_frames_by_a_refined_rig_are_where_the_scan_is(tmp_path: Path):
     write_rig(tmp_path / "wrong.json", replace(rig, right=replace(rig.right, K=K)))
     job = ViewJob(rig=tmp_path / "wrong.json")
     wrong = job.reel_of(STREET)
-    shop = rig_shop(job, wrong, STREET)
+    shop = rig_shop(job, wrong)
     assert shop.given
     seen: list[int] = []
     found = shop.refined(seen.append)
