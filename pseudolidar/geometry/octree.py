@@ -17,11 +17,16 @@ MOST_IN_NODE = 25_000
 # Cells of a node along an edge, as powers of 2.
 LEAST_GRID, MOST_GRID = 3, 9
 SMALLEST_M = 1e-3
+# The cube is that of most points, so that stray ones do not make all others one cell of it: between
+# these shares of so many points along each axis, and a share of their longest extent to each side.
+MOST_SAMPLED = 100_000
+MOST_POINTS = (0.001, 0.999)
+MARGIN = 0.25
 
 
 @dataclass(frozen=True)
 class OctreeCube:
-    """The cube of an octree.
+    """The cube of an octree: points outside belong to the cells at its border.
 
     Args:
         low_m: its corner.
@@ -52,7 +57,7 @@ class OctreeOrder:
     """Where each point goes.
 
     Args:
-        cube: around all.
+        cube: around all but stray points.
         nodes: (M,) of dtype `NODE`, the coarsest first.
         order: (N,) int64 rows of the points in the order of the octree.
     """
@@ -67,7 +72,8 @@ def octree_order(xyz: AnyArray) -> OctreeOrder:
 
     A node has the points that are the first of a cell of its grid, in the order of Morton codes,
     and that no node above it has: to draw a cube finely is to draw the nodes above it as well. One
-    with few points left has them all.
+    with few points left has them all. The few that are far from all others are in nodes at the
+    border of the cube, but outside of these.
 
     Args:
         xyz: (N, 3) m; the work needs 33 bytes a point besides.
@@ -99,13 +105,19 @@ def octree_order(xyz: AnyArray) -> OctreeOrder:
 
 
 def _cube(xyz: AnyArray) -> tuple[Float64, float]:
-    """Corner and edge of a cube around all finite points."""
+    """Corner and edge of a cube around all finite points but stray ones."""
     from pseudolidar.geometry.octree_kernels import bounds
 
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     bounds(xyz, low, high)
     if not np.isfinite(low).all():
         return np.zeros(3), SMALLEST_M
+    sample = xyz[:: max(len(xyz) // MOST_SAMPLED, 1)].astype(np.float64)
+    sample = sample[np.isfinite(sample).all(axis=1)]
+    if len(sample):
+        near, far = np.quantile(sample, MOST_POINTS, axis=0)
+        margin_m = MARGIN * float((far - near).max())
+        low, high = np.maximum(low, near - margin_m), np.minimum(high, far + margin_m)
     size_m = max(float((high - low).max()) * (1 + 1e-6), SMALLEST_M)
     return 0.5 * (low + high) - 0.5 * size_m, size_m
 

@@ -46,6 +46,8 @@ def bounds(xyz: AnyArray, low: AnyArray, high: AnyArray) -> None:
 def morton_codes(xyz: AnyArray, low: AnyArray, size: float, out: AnyArray) -> None:
     """The code of each point's smallest cell; `NOWHERE` for points that are not finite.
 
+    Of a point outside the cube that is the nearest cell.
+
     Args:
         xyz: (N, 3) m.
         low: (3,) float64 corner of the cube.
@@ -53,17 +55,16 @@ def morton_codes(xyz: AnyArray, low: AnyArray, size: float, out: AnyArray) -> No
         out: (N,) uint64 out.
     """
     cells = 1 << DEPTH
-    scale = cells / size
+    scale, last = cells / size, cells - 1.0
     for i in range(len(xyz)):
-        x = (xyz[i, 0] - low[0]) * scale
-        y = (xyz[i, 1] - low[1]) * scale
-        z = (xyz[i, 2] - low[2]) * scale
+        x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
         if not (np.isfinite(x) and np.isfinite(y) and np.isfinite(z)):
             out[i] = np.uint64(NOWHERE)
             continue
-        a = min(max(int(x), 0), cells - 1)
-        b = min(max(int(y), 0), cells - 1)
-        c = min(max(int(z), 0), cells - 1)
+        # Before they are integers, which far places do not fit into.
+        a = int(min(max((x - low[0]) * scale, 0.0), last))
+        b = int(min(max((y - low[1]) * scale, 0.0), last))
+        c = int(min(max((z - low[2]) * scale, 0.0), last))
         out[i] = (_spread(a) << np.uint64(2)) | (_spread(b) << np.uint64(1)) | _spread(c)
 
 
@@ -140,7 +141,7 @@ def node_starts(codes: AnyArray, levels: AnyArray, order: AnyArray, out: AnyArra
         codes: (N,) uint64, sorted.
         levels: (N,) uint8.
         order: (N,) int64 of `in_levels`.
-        out: (N + 1,) uint8 out: 1 where a node begins.
+        out: (N,) uint8 out: 1 where a node begins.
 
     Returns:
         How many nodes.

@@ -30,7 +30,7 @@ BUDGET_POINTS = 2_000_000
 PASS_POINTS, PAUSE_S = 300_000, 0.05
 # Points out of sight that a browser keeps, as a share of the budget; messages that may wait for it.
 KEPT_SHARE, MOST_WAITING = 0.25, 48
-# Nodes up to this half edge lose less than half a millimetre as float16.
+# Points up to this far from the middles of their nodes lose less than half a millimetre as float16.
 HALF_PRECISION_M = 2.0
 
 Node = tuple[str, int]
@@ -200,11 +200,12 @@ class DrawnOctrees:
     def _add(self, client: ClientHandle, node: Node, side_m: float) -> PointCloudHandle:
         name, number = node
         tree = self._trees[name]
-        small = tree.half_m[number] <= HALF_PRECISION_M
+        spread_m = tree.spread_m(number)
+        small = np.abs(spread_m).max() <= HALF_PRECISION_M  # stray points are not in their cubes
         place: Float64 = tree.middles_m[number] - self._stage.placement.origin_m
         return client.scene.add_point_cloud(
             f"{MAP}/{name}/{number}",
-            tree.spread_m(number),
+            spread_m,
             self._stage.look(name).colouring.colours(tree.cloud([number])),
             point_size=side_m,
             point_shape="rounded",

@@ -71,3 +71,18 @@ def test_the_order_does_not_change_from_run_to_run():
     xyz = plane(50_000, np.float64)
     first, second = octree_order(xyz), octree_order(xyz.copy())
     assert np.array_equal(first.order, second.order)
+
+
+@pytest.mark.parametrize("stray_m", [-1e4, 0.0, 1e9, 1e300])
+def test_a_stray_point_makes_no_giant_node_of_the_others(stray_m: float):
+    xyz = np.array([4.5e5, 5.4e6, 110.0]) + plane(300_000, np.float64)
+    xyz[70_000] = stray_m
+    found = octree_order(xyz)
+    assert found.nodes["count"].max() <= 2 * MOST_IN_NODE
+    assert found.cube.size_m < 80
+    assert np.array_equal(np.sort(found.order), np.arange(len(xyz)))
+    # It is at the border that it lies beyond.
+    at = np.flatnonzero(found.order == 70_000)[0]
+    node = found.nodes[np.searchsorted(found.nodes["start"], at, side="right") - 1]
+    above = np.sign(stray_m - xyz[0]) > 0
+    assert np.array_equal(node["cell"], np.where(above, 2 ** int(node["level"]) - 1, 0))

@@ -120,7 +120,7 @@ def test_near_views_are_fine_and_far_ones_coarse(tree: Octree):
 def test_the_budget_is_kept(tree: Octree, budget: int):
     needs = needs_px(tree, eye(height_m=20.0))
     drawn = chosen(needs, tree.nodes["count"], budget)
-    assert tree.nodes["count"][drawn].sum() <= max(budget, tree.nodes["count"][0])
+    assert tree.nodes["count"][drawn].sum() <= budget
 
 
 def test_nodes_behind_the_eye_are_left_out(tree: Octree):
@@ -150,6 +150,24 @@ def test_a_click_finds_the_point_that_all_points_would_give(tree: Octree, seed: 
     assert want is not None
     assert found is not None
     assert np.array_equal(found.xyz_m, want.xyz_m)
+
+
+def test_stray_points_are_clicked_and_seen_too():
+    cloud = street(30_000)
+    xyz = cloud.xyz.copy()
+    xyz[17] = 0  # 5 400 km away
+    tree = built(PointCloud(xyz, "map"))
+    assert (np.abs(tree.places).max(axis=1) > 1000).sum() == 1
+    origin, direction = np.array([0.0, 0.0, 50.0]), np.array([0.0, 0.0, -1.0])
+    numbers = along(tree, origin, direction)
+    found = picked({"some": (tree.cloud(numbers.tolist()), np.eye(4))}, origin, direction)
+    assert found is not None
+    assert np.abs(found.xyz_m).max() < 1
+    above = Eye(origin, np.diag([1.0, -1.0, -1.0]), 1.0, 1.5, 800)
+    holds = [
+        number for number in range(len(tree.nodes)) if np.abs(tree.spread_m(number)).max() > 1000
+    ]
+    assert within(tree, above.sides())[holds].all()
 
 
 def test_a_click_looks_through_few_nodes(tree: Octree):

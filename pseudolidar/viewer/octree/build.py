@@ -19,7 +19,8 @@ BLOCK = 1 << 20
 def places(found: OctreeOrder, cloud: PointCloud) -> Iterator[AnyArray]:
     """(n, 3) float32 m from the middles of the points' nodes.
 
-    Exact for clouds anywhere on Earth: float32 begins at the node.
+    Exact for clouds anywhere on Earth: float32 begins at the node. Stray points, which may be far
+    from it, are as exact as float32 is there.
     """
     ends = found.nodes["start"] + found.nodes["count"]
     middles_m = found.cube.middles_m(found.nodes)

@@ -144,13 +144,11 @@ def chosen(needs: Float64, counts: Int64, budget: int) -> Int64:
     Args:
         needs: (M,) of `needs_px`.
         counts: (M,) points of each.
-        budget: points in all; the first one is drawn whatever it has.
+        budget: points in all.
     """
     order = np.argsort(-needs, kind="stable")
     order = order[needs[order] >= FINEST_PX]
-    fitting = np.cumsum(counts[order]) <= budget
-    fitting[:1] = True
-    return np.asarray(order[fitting])
+    return np.asarray(order[np.cumsum(counts[order]) <= budget])
 
 
 def point_sizes_m(tree: Octree, drawn: Int64) -> Float64:

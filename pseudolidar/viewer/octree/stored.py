@@ -35,7 +35,7 @@ _log = logging.getLogger(__name__)
 
 CACHE_VARIABLE, FOLDER = "XDG_CACHE_HOME", "pseudolidar/octrees"
 # Part of every key: octrees of an older form are not found.
-FORM = 1
+FORM = 2
 # What all octrees may hold; the longest unused go first. What a killed run left goes after a day.
 MOST_BYTES, LEFT_S = 8 << 30, 86_400.0
 FACTS, NODES, PLACES = "octree.json", "nodes", "places"

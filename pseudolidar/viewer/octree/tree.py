@@ -21,7 +21,7 @@ class Octree:
     """Points of all levels. To draw a cube finely is to draw all nodes above it as well.
 
     Args:
-        cube: around all.
+        cube: around all but stray points, which lie outside of their nodes.
         frame: coordinate frame.
         nodes: (M,) of dtype `geometry.octree.NODE`, the coarsest first.
         places: (N, 3) float32 m from the middle of each point's node.
