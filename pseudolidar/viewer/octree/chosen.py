@@ -121,8 +121,9 @@ def along(tree: Octree, origin: Float64, direction: Float64) -> Int64:
     radii = np.linalg.norm(halves, axis=1)
     ahead = away @ towards
     beside = np.linalg.norm(away - ahead[:, None] * towards, axis=1)
-    reach = radii + BESIDE_RAD * np.maximum(ahead + radii, 0)
-    return np.flatnonzero((ahead > -radii) & (beside <= reach))
+    farthest_m = ahead + halves @ np.abs(towards)  # of each box, along the line
+    reach = radii + BESIDE_RAD * np.maximum(farthest_m, 0)
+    return np.flatnonzero((farthest_m > 0) & (beside <= reach))
 
 
 def needs_px(tree: Octree, eye: Eye) -> Float64:
