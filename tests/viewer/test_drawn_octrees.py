@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -22,13 +23,21 @@ from pseudolidar.viewer.picking import picked
 from pseudolidar.viewer.stills import SHARED_POINTS, StillOctree
 
 COUNT = 700_000
-NAME = "map.ply"
+NAME, DENSE = "map.ply", "dense.ply"
+UTM_M = np.array([4.5e5, 5.4e6, 110.0])
 
 
 def town() -> PointCloud:
     rng = np.random.default_rng(5)
-    xyz = np.array([4.5e5, 5.4e6, 110.0]) + rng.uniform((-90, -90, 0), (90, 90, 1), (COUNT, 3))
+    xyz = UTM_M + rng.uniform((-90, -90, 0), (90, 90, 1), (COUNT, 3))
     return PointCloud(xyz, "map", rgb=rng.integers(0, 255, (COUNT, 3), dtype=np.uint8))
+
+
+def dense() -> PointCloud:
+    """3 m of a street, and a point 50 m away."""
+    xyz = UTM_M + np.random.default_rng(6).uniform((0, 0, 0), (3, 3, 1), (60_000, 3))
+    xyz[41_000] += 50.017
+    return PointCloud(xyz, "map")
 
 
 @pytest.fixture(scope="module")
@@ -153,3 +162,52 @@ def test_a_browser_that_takes_nothing_is_sent_nothing(app: App):
     stalled = Looker(SimpleNamespace(_websock_connection=connection))  # type: ignore[arg-type]
     assert app.octrees._draw(stalled)
     assert not stalled.has
+
+
+@pytest.fixture(scope="module")
+def both() -> Iterator[App]:
+    stills = (StillOctree(NAME, built(town())), StillOctree(DENSE, built(dense())))
+    with App.served(Address(port=0), Opened((), stills)) as served:
+        yield served
+
+
+def blind(app: App, x: float = 0.0, y: float = 0.0) -> Looker:
+    """What a browser has that looks down on a place and draws nothing."""
+    camera = SimpleNamespace(
+        wxyz=(0.0, 1.0, 0.0, 0.0),
+        position=(x, y, 12.0),
+        fov=1.3,
+        image_width=700,
+        image_height=400,
+    )
+    connection = SimpleNamespace(get_message_buffer=lambda: SimpleNamespace(message_from_id={}))
+    scene = app.octrees._server.scene
+    client = SimpleNamespace(camera=camera, scene=scene, _websock_connection=connection)
+    return Looker(client)  # type: ignore[arg-type]
+
+
+def test_what_is_sent_lies_within_half_a_millimetre_of_the_file(both: App):
+    looker, sent = blind(both), set()
+    for name, tree in both.octrees._trees.items():
+        for number in range(len(tree.nodes)):
+            handle = both.octrees._add(looker.client, (name, number), 0.1)
+            drawn = handle.points.astype(np.float64) + handle.position
+            want = tree.cloud([number]).xyz - both.view.stage.placement.origin_m
+            # Half of the last place of float16 below 2 m is 0.49 mm.
+            assert np.abs(drawn - want).max() < 5e-4
+            sent.add((name, handle.points.dtype.name))
+    assert sent == {(NAME, "float32"), (DENSE, "float16"), (DENSE, "float32")}
+
+
+def test_a_browser_does_not_hold_all_that_it_has_seen(both: App):
+    octrees = both.octrees
+    octrees.budget = sum(map(len, both.view.stage.stills.values())) + 60_000
+    most = 1.25 * octrees.budget
+    looker, seen = blind(both), set()
+    for x, y in itertools.product((-60.0, 0.0, 60.0), repeat=2):
+        looker.client.camera.position = (x, y, 30.0)
+        while octrees._draw(looker):
+            pass
+        assert sum(map(octrees._count, looker.has)) <= most
+        seen |= looker.has.keys()
+    assert sum(map(octrees._count, seen)) > 1.2 * most
