@@ -8,12 +8,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pseudolidar.clouds.merge import merged
+from pseudolidar.errors import OutputError, PointFileMissing
 from pseudolidar.formats.points.cloud_file import read_cloud
 from pseudolidar.geometry.cloud_frames import turned_forward
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import COLUMNS
 from pseudolidar.viewer.moment import shown_points
+from pseudolidar.viewer.octree.build import built
 from pseudolidar.viewer.octree.stored import OctreeStore, key_of, octree_folder
+from pseudolidar.viewer.octree.tree import Octree
 from pseudolidar.viewer.stills import StillCloud, StillOctree
 
 _log = logging.getLogger(__name__)
@@ -40,20 +43,35 @@ class StillClouds:
         """The cloud of some files, which are the parts of one.
 
         Raises:
-            PseudolidarError: one of them cannot be read, which it names; or the octree of a large
-                one cannot be written.
+            PseudolidarError: one of them cannot be read, which it names.
         """
-        key = ""
-        if sum(file.stat().st_size for file in files) > LEAST_POINT_BYTES * self.most_whole:
-            key = key_of(files)
-            if (tree := self.store.find(key)) is not None:
-                return StillOctree(name, tree)
+        key = self._key(files)
+        if key and (tree := self.store.find(key)) is not None:
+            return StillOctree(name, tree)
         clouds = [shown_points(turned_forward(read_cloud(file))) for file in files]
         count = sum(map(len, clouds))
         if not key or count <= self.most_whole:
             return StillCloud(name, _whole(clouds))
         _log.info("%s: %s points, for which an octree is built once", name, f"{count:,}")
-        return StillOctree(name, self.store.build(key, _whole([_needed(c) for c in clouds])))
+        return StillOctree(name, self._built(key, _whole([_needed(c) for c in clouds])))
+
+    def _key(self, files: Sequence[Path]) -> str:
+        """Of the octree of some files; "" of files that are too small for a large cloud."""
+        try:
+            size = sum(file.stat().st_size for file in files)
+            return key_of(files) if size > LEAST_POINT_BYTES * self.most_whole else ""
+        except OSError as error:
+            raise PointFileMissing(
+                error.strerror or str(error), want="a readable point file", path=error.filename
+            ) from error
+
+    def _built(self, key: str, cloud: PointCloud) -> Octree:
+        """Kept, if it can be."""
+        try:
+            return self.store.build(key, cloud)
+        except OutputError as error:
+            _log.warning("%s: the octree is not kept, and built anew next time", error)
+            return built(cloud)
 
 
 def _needed(cloud: PointCloud) -> PointCloud:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pseudolidar.errors import OutputError
+from pseudolidar.errors import OutputError, PointFileMissing
+from pseudolidar.formats.checksum import crc32
 from pseudolidar.formats.points.ply import write_ply
+from pseudolidar.geometry.octree import NODE
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.large import StillClouds
+from pseudolidar.viewer.octree import stored
 from pseudolidar.viewer.octree.build import built
 from pseudolidar.viewer.octree.chosen import Eye, along, chosen, needs_px, point_sizes_m, within
 from pseudolidar.viewer.octree.stored import OctreeStore, key_of
@@ -123,6 +127,17 @@ def test_the_budget_is_kept(tree: Octree, budget: int):
     assert tree.nodes["count"][drawn].sum() <= budget
 
 
+def test_nodes_that_the_eye_is_in_are_needed_equally(tree: Octree):
+    inside = Eye(UTM_M + np.array([20.0, 13.0, 0.05]), np.diag([1.0, -1.0, -1.0]), 1.0, 1.5, 800)
+    middles, halves = tree.boxes_m
+    holding = (np.abs(inside.position_m - middles) < halves).all(axis=1)
+    assert holding.sum() > 1
+    # As if their points were a quarter of half an edge away.
+    away_m = 0.25 * tree.half_m[holding]
+    apart_m = 2 * tree.cube.spacing_m(tree.nodes["level"][holding])
+    assert np.allclose(needs_px(tree, inside)[holding], apart_m * inside.focal_px / away_m)
+
+
 def test_nodes_behind_the_eye_are_left_out(tree: Octree):
     up = Eye(UTM_M + np.array([0, 0, 5.0]), np.eye(3), 1.0, 1.5, 800)
     assert not within(tree, up.sides()).any()
@@ -225,12 +240,69 @@ def test_a_damaged_one_is_not_found(tmp_path: Path, name: str, how: str):
     assert store.find("a") is None
 
 
+def test_one_whose_parts_do_not_belong_together_is_not_found(tmp_path: Path):
+    store = OctreeStore(tmp_path)
+    store.build("a", street(2000))
+    facts = json.loads((tmp_path / "a" / "octree.json").read_bytes())
+    for name, dtype in (("sigma_m", np.float32), ("nodes", NODE)):
+        file = tmp_path / "a" / name
+        before = file.read_bytes()
+        array = np.frombuffer(before, dtype).copy()
+        if name == "nodes":
+            array["count"][-1] -= 1
+        data = array[: 2000 - (name == "sigma_m")].tobytes()
+        said = {"rows": len(data) // array.itemsize, "crc32": crc32(data, 0)}
+        changed = {**facts, "files": {**facts["files"], name: said}}
+        file.write_bytes(data)
+        (tmp_path / "a" / "octree.json").write_text(json.dumps(changed))
+        assert store.find("a") is None
+        file.write_bytes(before)
+    (tmp_path / "a" / "octree.json").write_text(json.dumps(facts))
+    assert store.find("a") is not None
+
+
+def test_an_empty_cloud_is_kept_too(tmp_path: Path):
+    cloud = PointCloud(np.full((3, 3), np.nan), "map", sigma_m=np.zeros(3, np.float32))
+    for tree in (OctreeStore(tmp_path).build("a", cloud), built(cloud)):
+        assert len(tree) == len(StillOctree("a", tree).coarse().cloud) == 0
+        assert len(along(tree, np.zeros(3), np.ones(3))) == 0
+
+
+def test_two_that_build_the_same_have_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    store, write = OctreeStore(tmp_path), stored._write
+    first: list[int] = []
+
+    def slowly(folder: Path, cloud: PointCloud) -> None:
+        monkeypatch.setattr(stored, "_write", write)
+        assert len(store.build("a", street(2000))) == 2000  # by another process
+        first.append((tmp_path / "a" / "places").stat().st_ino)
+        write(folder, cloud)
+
+    monkeypatch.setattr(stored, "_write", slowly)
+    assert len(store.build("a", street(2000))) == 2000
+    assert first == [(tmp_path / "a" / "places").stat().st_ino]  # nobody took what is looked at
+    assert [place.name for place in tmp_path.iterdir()] == ["a"]
+
+
+def test_what_cannot_be_marked_as_used_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    store = OctreeStore(tmp_path)
+    store.build("a", street(2000))
+
+    def refused(_path: Path) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "utime", refused)
+    assert store.find("a") is not None
+
+
 def test_the_longest_unused_ones_make_room(tmp_path: Path):
     OctreeStore(tmp_path).build("first", street(2000))
     one = sum(file.stat().st_size for file in (tmp_path / "first").iterdir())
     store = OctreeStore(tmp_path, most_bytes=int(2.5 * one))
     store.build("second", street(2000))
-    os.utime(tmp_path / "second", (1, 1))
+    os.utime(tmp_path / "first", (1, 1))
+    os.utime(tmp_path / "second", (2, 2))
+    assert store.find("first") is not None
     (tmp_path / "left.0123abcd.tmp").mkdir()
     os.utime(tmp_path / "left.0123abcd.tmp", (1, 1))
     (tmp_path / "growing.0123abcd.tmp").mkdir()
@@ -272,6 +344,22 @@ def test_large_clouds_become_octrees_once(tmp_path: Path):
     (kept / "places").write_bytes(b"")
     assert isinstance(read.read("large", [tmp_path / "large.ply"]), StillOctree)
     assert (kept / "places").stat().st_size == 3000 * 12
+
+
+def test_a_cache_that_cannot_be_written_refuses_no_view(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
+    write_ply(tmp_path / "large.ply", street(3000))
+    (tmp_path / "kept").write_text("")
+    still = clouds(tmp_path).read("large", [tmp_path / "large.ply"])
+    assert isinstance(still, StillOctree)
+    assert len(still.tree) == 3000
+    assert "is not kept" in caplog.text
+
+
+def test_a_file_that_is_gone_is_named(tmp_path: Path):
+    with pytest.raises(PointFileMissing, match=r"gone\.ply"):
+        clouds(tmp_path).read("gone", [tmp_path / "gone.ply"])
 
 
 def test_the_squares_of_a_map_are_one_cloud(tmp_path: Path):

@@ -40,6 +40,8 @@ FORM = 2
 MOST_BYTES, LEFT_S = 8 << 30, 86_400.0
 FACTS, NODES, PLACES = "octree.json", "nodes", "places"
 CHECKED_BYTES = 1 << 24
+# What files raise that are not what was written.
+DAMAGED = (OSError, ValueError, TypeError, KeyError, AttributeError)
 # Files that hold something other than one float32 a point.
 FORMS: dict[str, tuple[np.dtype[Any], tuple[int, ...]]] = {
     NODES: (NODE, ()),
@@ -86,17 +88,14 @@ class OctreeStore:
         """An octree, its files mapped into memory; None where there is none, or a damaged one."""
         place = self.folder / key
         try:
-            facts = json.loads((place / FACTS).read_bytes())
-            arrays = {name: _mapped(place, name, facts) for name in facts["files"]}
-            cube, frame = OctreeCube(**facts["cube"]), str(facts["frame"])
-            tree = Octree(cube, frame, arrays.pop(NODES), arrays.pop(PLACES), arrays)
-            _check(tree)
-            os.utime(place)
+            tree = _read(place)
         except FileNotFoundError:
             return None
-        except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        except DAMAGED as error:
             _log.warning("%s: a damaged octree is built anew (%s)", place, error)
             return None
+        with contextlib.suppress(OSError):  # a cache that cannot be written can be read
+            os.utime(place)
         return tree
 
     def build(self, key: str, cloud: PointCloud) -> Octree:
@@ -110,8 +109,7 @@ class OctreeStore:
         try:
             temporary.mkdir(parents=True)
             _write(temporary, cloud)
-            shutil.rmtree(place, ignore_errors=True)
-            temporary.rename(place)
+            _name(temporary, place)
             fsync_folder(self.folder)
         except OSError as error:
             raise output_error(place, error) from error
@@ -133,6 +131,28 @@ class OctreeStore:
             growing = is_temporary(place.name) and time.time() - _used_s(place) < LEFT_S
             if not growing and (left < 0 or is_temporary(place.name)):
                 shutil.rmtree(place, ignore_errors=True)
+
+
+def _read(place: Path) -> Octree:
+    """An octree of a folder; raises one of `DAMAGED` where it is not whole."""
+    facts = json.loads((place / FACTS).read_bytes())
+    arrays = {name: _mapped(place, name, facts) for name in facts["files"]}
+    cube, frame = OctreeCube(**facts["cube"]), str(facts["frame"])
+    tree = Octree(cube, frame, arrays.pop(NODES), arrays.pop(PLACES), arrays)
+    _check(tree)
+    return tree
+
+
+def _name(temporary: Path, place: Path) -> None:
+    """Give an octree its name, unless another process was faster; a damaged one makes room."""
+    try:
+        temporary.rename(place)
+    except OSError:
+        try:
+            _read(place)
+        except DAMAGED:
+            shutil.rmtree(place, ignore_errors=True)
+            temporary.rename(place)
 
 
 def _write(folder: Path, cloud: PointCloud) -> None:
@@ -168,11 +188,14 @@ def _mapped(folder: Path, name: str, facts: dict[str, Any]) -> AnyArray:
     said = facts["files"][name]
     dtype, width = FORMS.get(name, (np.dtype("<f4"), ()))
     shape = (int(said["rows"]), *width)
-    array: AnyArray = np.memmap(folder / Path(name).name, dtype, "r", shape=shape)
+    path = folder / Path(name).name
+    # An empty file cannot be mapped.
+    mapped = np.memmap(path, dtype, "r", shape=shape) if shape[0] else np.zeros(shape, dtype)
+    array: AnyArray = mapped
     data, checksum = _bytes(array), 0
     for start in range(0, len(data), CHECKED_BYTES):
         checksum = crc32(data[start : start + CHECKED_BYTES], checksum)
-    whole = (folder / Path(name).name).stat().st_size == array.nbytes
+    whole = path.stat().st_size == array.nbytes
     if not whole or checksum != said["crc32"]:
         raise ValueError(f"{name} is not what was written")
     return array

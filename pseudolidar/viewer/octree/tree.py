@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from pseudolidar.geometry.octree import OctreeCube
+from pseudolidar.geometry.octree import DEPTH, OctreeCube
 from pseudolidar.structures.arrays import AnyArray, Bool, Float32, Float64, Int64, UInt8
 from pseudolidar.structures.cloud import PointCloud
 
@@ -99,7 +99,7 @@ class Octree:
         start, count = self._range(number)
         return np.asarray(self.places[start : start + count])
 
-    def cloud(self, numbers: Iterable[int]) -> PointCloud:
+    def cloud(self, numbers: Sequence[int]) -> PointCloud:
         """The points of some nodes as a cloud, float64."""
         ranges = [self._range(number) for number in numbers]
         if not ranges:
@@ -133,7 +133,7 @@ class Octree:
         levels = self.nodes["level"]
         points = np.bincount(levels, self.nodes["count"])
         fitting = np.flatnonzero(np.cumsum(points) <= most)
-        last = fitting[-1] if len(fitting) else levels.min()
+        last = fitting[-1] if len(fitting) else levels.min(initial=DEPTH)
         return np.flatnonzero(levels <= last)
 
     def _range(self, number: int) -> tuple[int, int]:
