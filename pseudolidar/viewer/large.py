@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pseudolidar.clouds.merge import merged
-from pseudolidar.errors import OutputError, PointFileMissing
+from pseudolidar.errors import OutputError
 from pseudolidar.formats.points.cloud_file import read_cloud
+from pseudolidar.formats.points.point_file import unreadable
 from pseudolidar.geometry.cloud_frames import turned_forward
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import COLUMNS
@@ -61,9 +62,7 @@ class StillClouds:
             size = sum(file.stat().st_size for file in files)
             return key_of(files) if size > LEAST_POINT_BYTES * self.most_whole else ""
         except OSError as error:
-            raise PointFileMissing(
-                error.strerror or str(error), want="a readable point file", path=error.filename
-            ) from error
+            raise unreadable(Path(error.filename), error) from error
 
     def _built(self, key: str, cloud: PointCloud) -> Octree:
         """Kept, if it can be."""

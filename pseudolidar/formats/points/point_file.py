@@ -71,9 +71,12 @@ def read_point_bytes(path: Path, *, most: int | None = None) -> bytes:
                 return file.read(most)
         return read_whole(path)
     except OSError as error:
-        raise PointFileMissing(
-            error.strerror or str(error), want="a readable point file", path=path
-        ) from error
+        raise unreadable(path, error) from error
+
+
+def unreadable(path: Path, error: OSError) -> PointFileMissing:
+    """What it means that a file cannot be opened or read."""
+    return PointFileMissing(error.strerror or str(error), want="a readable point file", path=path)
 
 
 def refuse_other_content(data: bytes, *, want: str, kinds: tuple[str, ...]) -> None:

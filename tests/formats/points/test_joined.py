@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from pseudolidar.clouds.merge import merged
-from pseudolidar.errors import PointFileField
+from pseudolidar.errors import (
+    PointFileCorrupt,
+    PointFileField,
+    PointFileMissing,
+    PointFileTruncated,
+)
 from pseudolidar.formats.points.joined import JOINERS, join_clouds
 from pseudolidar.running.one_cloud import write_cloud
 from pseudolidar.structures.cloud import PointCloud
@@ -44,3 +49,35 @@ def test_other_columns_are_refused_by_their_file(tmp_path: Path, suffix: str):
     with pytest.raises(PointFileField, match="other"):
         join_clouds(files, tmp_path / f"joined{suffix}")
     assert not (tmp_path / f"joined{suffix}").exists()
+
+
+@pytest.mark.parametrize("suffix", JOINERS)
+@pytest.mark.parametrize("left", [0.3, 0.999])
+def test_a_file_that_is_cut_is_named(tmp_path: Path, suffix: str, left: float):
+    files = [tmp_path / f"{name}{suffix}" for name in ("one", "cut", "other")]
+    for file in files:
+        write_cloud(file, tile(1, 500))
+    data = files[1].read_bytes()
+    files[1].write_bytes(data[: int(left * len(data)) | 1])  # within a point
+    with pytest.raises((PointFileTruncated, PointFileCorrupt), match=rf"cut\{suffix}"):
+        join_clouds(files, tmp_path / f"joined{suffix}")
+    assert not (tmp_path / f"joined{suffix}").exists()
+
+
+@pytest.mark.parametrize("suffix", JOINERS)
+def test_a_file_that_is_gone_is_named(tmp_path: Path, suffix: str):
+    files = [tmp_path / f"{name}{suffix}" for name in ("one", "gone", "other")]
+    for file in (files[0], files[2]):
+        write_cloud(file, tile(1, 5))
+    with pytest.raises(PointFileMissing, match=rf"gone\{suffix}"):
+        join_clouds(files, tmp_path / f"joined{suffix}")
+    assert not (tmp_path / f"joined{suffix}").exists()
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".pcd"])
+def test_a_file_that_ends_within_its_header_is_named(tmp_path: Path, suffix: str):
+    write_cloud(tmp_path / f"cut{suffix}", tile(1, 5))
+    data = (tmp_path / f"cut{suffix}").read_bytes()
+    (tmp_path / f"cut{suffix}").write_bytes(data[:60])
+    with pytest.raises(PointFileTruncated, match=rf"cut\{suffix}"):
+        join_clouds([tmp_path / f"cut{suffix}"], tmp_path / f"joined{suffix}")
