@@ -75,7 +75,7 @@ class StillOctree:
 
     def coarse(self, most: int = SHARED_POINTS) -> StillCloud:
         """Its coarsest levels, with at most so many points if the first level has no more."""
-        return StillCloud(self.name, self.tree.cloud(self.tree.coarsest(most)))
+        return StillCloud(self.name, self.tree.cloud(self.tree.coarsest(most).tolist()))
 
 
 Still = StillCloud | StillPath | StillOctree
