@@ -12,9 +12,12 @@ import importlib
 import io
 import pickle
 from collections.abc import Mapping
-from typing import Any
+from types import FunctionType
+from typing import Any, ClassVar
 
 PROTOCOL = 5
+# The opcode by which objects get their attributes.
+BUILD = pickle.BUILD[0]
 # Packages whose dataclasses are data.
 OF_DATA = ("pseudolidar.structures.", "pseudolidar.geometry.", "pseudolidar.mapping.")
 # Classes with a state, and what makes parts of libraries anew of data.
@@ -84,10 +87,25 @@ class _Writer(pickle.Pickler):
         return self._names.get(id(obj))
 
 
-class _Reader(pickle.Unpickler):
+def _build(reader: Any) -> None:
+    """Give attributes to what was made of these bytes, and to nothing else."""
+    changed = reader.stack[-2]
+    if isinstance(changed, type | FunctionType) or reader.is_outside(changed):
+        raise pickle.UnpicklingError(f"attributes of {changed!r} are no data")
+    pickle._Unpickler.dispatch[BUILD](reader)
+
+
+# That of Python, not of C, which cannot be asked what it gives attributes to: 25 MB of a state are
+# read in 0.03 s, not 0.02 (2 cores, 2026-11-27).
+class _Reader(pickle._Unpickler):
+    dispatch: ClassVar[dict[int, Any]] = {**pickle._Unpickler.dispatch, BUILD: _build}
+
     def __init__(self, stream: io.BytesIO, outside: Mapping[str, object]) -> None:
         super().__init__(stream)
         self._outside = outside
+
+    def is_outside(self, thing: object) -> bool:
+        return any(thing is one for one in self._outside.values())
 
     def persistent_load(self, pid: Any) -> object:
         return self._outside[pid]

@@ -5,6 +5,7 @@ from array import array
 from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -37,8 +38,24 @@ def test_what_is_no_data_is_not_read(tmp_path: Path):
     # A class that opens files is none, though its package holds data.
     with pytest.raises(ValueError, match="no data"):
         decode_state(pickle.dumps(PlaceFile), {})
-    with pytest.raises(ValueError, match=r"truncated|ran out"):
+    with pytest.raises(ValueError, match="EOFError"):
         decode_state(encode_state([1, 2, 3], {})[:-2], {})
+
+
+@pytest.mark.parametrize(
+    "begins",
+    [
+        b"cpseudolidar.running.mapped.walk\nWalk\n",
+        b"cpseudolidar.mapping.kiss_library\nmap_with\n",
+        b"X\x06\x00\x00\x00placesQ",
+    ],
+    ids=["class", "function", "outside"],
+)
+@pytest.mark.parametrize("state", [b"N}X\x05\x00\x00\x00whole\x88s\x86b.", b"}b."])
+def test_attributes_of_what_was_there_before_are_not_set(begins: bytes, state: bytes):
+    with pytest.raises(ValueError, match="no data"):
+        decode_state(b"\x80\x04" + begins + state, {"places": SimpleNamespace()})
+    assert isinstance(Walk.whole, property)
 
 
 def test_what_was_one_stays_one_and_what_is_outside_is_put_in():
