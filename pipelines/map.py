@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -24,7 +25,6 @@ from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.folder import check_usable
-from pseudolidar.running.journal.identity import identity
 from pseudolidar.running.mapped.build import FRAME_FOLDER, MapSettings, built
 from pseudolidar.running.mapped.checkpoints import Checkpoints
 from pseudolidar.running.mapped.glimpse import Glimpse
@@ -231,6 +231,9 @@ def run(job: Map) -> MapReport | Rehearsal:
     with (
         run_page(job, source, onlooking()) as onlooker,
         Run.open(job.out, job, source, products=products, networks=networks_of(match_once)) as run,
+        contextlib.nullcontext()
+        if job.loops is None
+        else PlaceFile(job.out / PLACES_FILE) as places,
     ):
         known = run.committed
         run.check(
@@ -238,10 +241,10 @@ def run(job: Map) -> MapReport | Rehearsal:
             crew=job.crew,
             searching=job.searching,
         )
-        places = PlaceFile(job.out / PLACES_FILE)
         loops = None if job.loops is None else job.loops.start(source.rig, places)
-        decided_by = identity(job, source, networks_of(match_once))
-        checkpoints = Checkpoints(job.out, decided_by, places, drawn=job.debug_video)
+        checkpoints = Checkpoints(
+            job.out, run.decided_by, places, drawn=job.debug_video, crew=job.crew
+        )
         match_once = replace(match_once, known=known)
         walk = checkpoints.last(run, match_once)
         walk = walk or Walk(job.odometry.start(source.rig), source.rig, loops)

@@ -10,7 +10,7 @@ from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, overload
+from typing import BinaryIO, Self, overload
 
 import numpy as np
 
@@ -28,7 +28,7 @@ CELL = np.dtype([("depth_m", "<f2"), ("grey", "u1")])
 
 
 class PlaceFile:
-    """A file that places are kept in, each where its note says.
+    """A file that places are kept in, each where its note says; closed when a `with` block ends.
 
     Args:
         path: of the file, which is made or gone on with; None for one that has no name and goes
@@ -48,6 +48,12 @@ class PlaceFile:
             path.parent.mkdir(parents=True, exist_ok=True)
             flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW
             self._file = os.fdopen(os.open(path, flags, 0o644), "r+b", buffering=0)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
 
     def write(self, data: bytes, offset: int) -> None:
         """Put bytes at a place.

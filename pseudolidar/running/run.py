@@ -59,6 +59,7 @@ class Run:
         journal: its journal.
         source: where the frames come from.
         in_flight: where frames are noted while they are done.
+        decided_by: what decides the results, as `identity` has it.
         on_error: what a bad frame does.
         signals: caught while the run lasts.
     """
@@ -70,10 +71,12 @@ class Run:
         source: FrameSequence[Frame],
         in_flight: InFlight,
         *,
+        decided_by: Mapping[str, Any],
         on_error: OnError,
         signals: StopSignals,
     ) -> None:
         self.folder, self.source, self.in_flight = folder, source, in_flight
+        self.decided_by = decided_by
         self._journal, self._on_error, self._signals = journal, on_error, signals
         self._watch = Stopwatch()
         self._ended_by, self._halted_by = 0, 0
@@ -115,15 +118,22 @@ class Run:
             OutputLocked: another run is writing to it.
             OutputSettings: it holds a run with other settings.
         """
+        decided_by = identity(job, source, networks)
         with (
             own_folder(folder),
-            Journal.open(
-                folder, identity(job, source, networks), products=products, overwrite=job.overwrite
-            ) as journal,
+            Journal.open(folder, decided_by, products=products, overwrite=job.overwrite) as journal,
             noting(folder) as in_flight,
             StopSignals(stop) as signals,
         ):
-            run = cls(folder, journal, source, in_flight, on_error=job.on_error, signals=signals)
+            run = cls(
+                folder,
+                journal,
+                source,
+                in_flight,
+                decided_by=decided_by,
+                on_error=job.on_error,
+                signals=signals,
+            )
             run._tell = tell if not networks else lambda: {**tell(), "networks": networks}
             try:
                 yield run

@@ -133,6 +133,14 @@ def test_places_come_back_from_disk_and_few_are_in_memory(search, tmp_path):
     assert (tmp_path / "work" / "places").stat().st_size == store.bytes
 
 
+def test_a_file_of_places_is_closed(tmp_path):
+    with PlaceFile(tmp_path / "places") as file:
+        file.write(b"12", 0)
+        assert file.read(2, 0) == b"12"
+    with pytest.raises(ValueError, match="closed"):
+        file.read(2, 0)
+
+
 def test_what_is_kept_is_small(search):
     finder, _ = search
     assert finder.bytes / finder.places < 30_000

@@ -1,4 +1,4 @@
-"""The first pass, written every so many frames: a run that goes on need not walk again."""
+"""The first pass, written from time to time: a run that goes on need not walk again."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.mapping.place_store import PlaceFile
+from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.folder import inside
 from pseudolidar.running.mapped.odometry_film import drawing_name
 from pseudolidar.running.mapped.state_file import decode_state, encode_state
@@ -22,9 +23,20 @@ from pseudolidar.running.mapped.walk import Walk
 from pseudolidar.running.run import Run
 
 CHECKPOINT_FILE = f"{WORK_FOLDER}/walk.checkpoint"
-# Frames between two checkpoints.
-EVERY = 50
-SCHEMA = 1
+# Frames from one checkpoint to the next; of long walks a 20th of the frames, for what is written of
+# each stays in it: all checkpoints together take some 20 times what the last one takes.
+EVERY, SHARE = 50, 20
+PACKAGE = Path(__file__).parents[2]
+# What states are made of and by, in the package: others are not read.
+SOURCES = (
+    "structures/*.py",
+    "geometry/*.py",
+    "mapping/*.py",
+    "running/mapped/walk.py",
+    "running/mapped/state_file.py",
+)
+# What states raise that are not what they were.
+STALE = (OSError, ValueError, AttributeError, TypeError, RecursionError)
 _log = logging.getLogger(__name__)
 
 
@@ -37,18 +49,25 @@ class Checkpoints:
     Args:
         folder: output folder.
         decided_by: settings and calibration of the run; a state of another one is not read.
-        places: file of the finder of loops.
+        places: file of the finder of loops; None where none are looked for.
         drawn: frames are drawn, too.
+        crew: how frames that failed are tried again.
     """
 
     def __init__(
-        self, folder: Path, decided_by: Mapping[str, Any], places: PlaceFile, *, drawn: bool
+        self,
+        folder: Path,
+        decided_by: Mapping[str, Any],
+        places: PlaceFile | None,
+        *,
+        drawn: bool,
+        crew: CrewPlan,
     ) -> None:
         self._folder, self._path, self._drawn = folder, folder / CHECKPOINT_FILE, drawn
-        self._places = places
-        self._outside = {"places": places}
+        self._places, self._crew = places, crew
+        self._outside = {} if places is None else {"places": places}
         self._versions = {
-            "schema": SCHEMA,
+            "sources": sources_digest(),
             "python": platform.python_version(),
             "numpy": np.__version__,
             "run": hashlib.sha256(json.dumps(decided_by, sort_keys=True).encode()).hexdigest(),
@@ -60,11 +79,12 @@ class Checkpoints:
         Raises:
             OutputError: the disk is full or gone.
         """
-        if len(walk.placed) % EVERY:
+        if not due(len(walk.placed)):
             return walk
         data = encode_state(walk, self._outside)
         head = {**self._versions, "sha256": hashlib.sha256(data).hexdigest()}
-        self._places.sync()
+        if self._places is not None:
+            self._places.sync()
         write_atomic(self._path, json.dumps(head).encode() + b"\n" + data)
         again = decode_state(data, self._outside)
         assert isinstance(again, Walk)
@@ -84,13 +104,13 @@ class Checkpoints:
             self._check_frames([one.id for one in walk.placed], run, per_frame)
         except FileNotFoundError:
             return None
-        except (OSError, ValueError) as error:
+        except STALE as error:
             _log.info("odometry goes along the frames from the first one: %s", error)
             return None
         return walk
 
     def _check_frames(self, ids: list[str], run: Run, per_frame: Callable[[Any], Any]) -> None:
-        if list(run.expected(per_frame)[: len(ids)]) != ids:
+        if list(run.expected(per_frame, crew=self._crew)[: len(ids)]) != ids:
             raise ValueError("they are others than before")
         if not run.committed.issuperset(ids):
             raise ValueError("disparities are missing or damaged")
@@ -106,3 +126,20 @@ class Checkpoints:
         if not isinstance(walk, Walk) or not walk.whole:
             raise ValueError("places that loops remember are missing")
         return walk
+
+
+def due(frames: int) -> bool:
+    """Whether the walk is written after so many frames: the same ones in every run."""
+    at = EVERY
+    while at < frames:
+        at += max(EVERY, at // SHARE)
+    return at == frames
+
+
+def sources_digest() -> str:
+    """Of all that decides what is in a state and how it goes on, whatever its version is called."""
+    digest = hashlib.sha256()
+    for file in sorted(file for pattern in SOURCES for file in PACKAGE.glob(pattern)):
+        digest.update(f"{file.relative_to(PACKAGE)}\0{file.stat().st_size}\0".encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
