@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -43,11 +43,7 @@ class Kiss:
         """The adaptive threshold."""
         from kiss_icp.threshold import get_threshold_estimator
 
-        return Threshold(self, get_threshold_estimator(self._config()), [])
-
-    def registration(self) -> PointToPoint:
-        """Point to point ICP, on one thread: the same result every time."""
-        return point_to_point()
+        return Threshold(self, get_threshold_estimator(self._config()))
 
     def _config(self) -> Any:
         from kiss_icp.config import KISSConfig
@@ -94,32 +90,39 @@ class VoxelMap:
         return np.asarray(self.library.point_cloud()).reshape(-1, 3)
 
 
-@dataclass(frozen=True, eq=False)
 class Threshold:
     """How far predictions are off, learnt from those that were made.
 
+    The library does not tell what it learnt, so that what it learnt from is kept: not the many
+    predictions that were too good to count.
+
     Args:
         kiss: its settings.
-        library: KISS-ICP's.
-        deviations: (4, 4) each, of all predictions: the library does not tell what it learnt.
+        library: KISS-ICP's, which has learnt nothing yet.
     """
 
-    kiss: Kiss
-    library: Any
-    deviations: list[Float64]
+    def __init__(self, kiss: Kiss, library: Any) -> None:
+        self._kiss, self._library = kiss, library
+        self._learnt = list[Float64]()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled as what it learnt from."""
-        return threshold_after, (self.kiss, self.deviations)
+        return threshold_after, (self._kiss, np.reshape(self._learnt, (-1, 4, 4)))
 
     def get_threshold(self) -> float:
         """One standard deviation, m."""
-        return float(self.library.get_threshold())
+        return float(self._library.get_threshold())
 
     def update_model_deviation(self, T_predicted_found: Float64) -> None:
         """A prediction was off by this."""
-        self.deviations.append(rigid(T_predicted_found))
-        self.library.update_model_deviation(self.deviations[-1])
+        self.learn(rigid(T_predicted_found))
+
+    def learn(self, T_predicted_found: Float64) -> None:
+        """The same of a pose (4, 4) that is rigid to the last bit."""
+        before = self.get_threshold()
+        self._library.update_model_deviation(T_predicted_found)
+        if self.get_threshold() != before:
+            self._learnt.append(T_predicted_found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,12 +154,12 @@ def map_with(kiss: Kiss, xyz: Float64) -> VoxelMap:
     return voxels
 
 
-def threshold_after(kiss: Kiss, deviations: list[Float64]) -> Threshold:
-    """A threshold that has learnt from predictions that were off by so much."""
+def threshold_after(kiss: Kiss, learnt: Float64) -> Threshold:
+    """A threshold that has learnt from predictions that were off by so much, (N, 4, 4)."""
     threshold = kiss.threshold()
-    for deviation in deviations:
-        threshold.library.update_model_deviation(deviation)
-    return replace(threshold, deviations=deviations)
+    for T_predicted_found in learnt:
+        threshold.learn(T_predicted_found)
+    return threshold
 
 
 def point_to_point() -> PointToPoint:

@@ -10,7 +10,7 @@ from pseudolidar.errors import SequenceTime
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.scan_motion import at_one_moment
 from pseudolidar.geometry.twists import inverted
-from pseudolidar.mapping.kiss_library import Kiss, thinned
+from pseudolidar.mapping.kiss_library import Kiss, point_to_point, thinned
 from pseudolidar.mapping.surface_map import Surfaces
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.frame import LidarScan
@@ -102,7 +102,7 @@ class ScanMap:
     def __init__(self, kiss: Kiss, voxel_m: float) -> None:
         self._voxel_m = voxel_m
         self._map, self._threshold = kiss.voxel_map(), kiss.threshold()
-        self._registration = kiss.registration()
+        self._registration = point_to_point()
 
     def align(self, scan: ReadyScan, T_guess: Float64) -> ScanAlignment:
         """The pose of a scan, near a guess."""

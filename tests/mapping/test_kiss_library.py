@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pseudolidar.geometry.twists import exp_twist, rigid
-from pseudolidar.mapping.kiss_library import load_kiss
+from pseudolidar.mapping.kiss_library import load_kiss, point_to_point
 from pseudolidar.structures.pose import rotation_error
 
 BENT = exp_twist(np.array([0.1, 0.2, 0.3, 0.1, -0.2, 0.3])) + 1e-8 * np.eye(4, k=1)
@@ -31,7 +31,7 @@ def test_poses_bent_by_rounding_are_taken():
     voxels, threshold = kiss.voxel_map(), kiss.threshold()
     voxels.update(points, BENT)
     threshold.update_model_deviation(BENT)
-    found = kiss.registration().align(points, voxels, BENT, 0.05)
+    found = point_to_point().align(points, voxels, BENT, 0.05)
     assert rotation_error(found[:3, :3]) < 1e-12
     assert np.abs(found - BENT).max() < 0.05
 

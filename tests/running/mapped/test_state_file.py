@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pseudolidar.geometry.twists import exp_twist
 from pseudolidar.mapping.kiss_library import load_kiss
 from pseudolidar.mapping.loops import LoopFinder
 from pseudolidar.mapping.odometry import Fused, Kiss, Vision
@@ -83,6 +84,23 @@ def test_the_map_and_the_threshold_come_back():
     points = [one.point_cloud() for one in (voxels, again)]
     assert len(points[0]) > 5000
     assert np.array_equal(*(one[np.lexsort(one.T)] for one in points))
+
+
+def test_a_threshold_keeps_what_it_learnt_from_alone():
+    threshold = load_kiss(voxel_m=0.5, farthest_m=40.0, threshold_m=0.15).threshold()
+    rng, sizes, told = np.random.default_rng(1), [], []
+    for step_m in (0.5, 0.05, 0.01):  # from 0.1 m on they count
+        for _ in range(100):
+            T = exp_twist(np.append(step_m * rng.normal(size=3), 1e-5 * rng.normal(size=3)))
+            threshold.update_model_deviation(T)
+            told.append(threshold.get_threshold())
+        sizes.append(len(encode_state(threshold, {})))
+    again = decode_state(encode_state(threshold, {}), {})
+    assert again.get_threshold() == threshold.get_threshold()
+    assert encode_state(again, {}) == encode_state(threshold, {})
+    assert 100 > len(set(told[100:200])) > 10  # some do
+    assert sizes[1] - sizes[0] < 0.6 * sizes[0]
+    assert sizes[2] == sizes[1]
 
 
 @pytest.fixture(scope="module")
