@@ -28,11 +28,6 @@ class Shown:
         self._every, self._met = 1, 0
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
 
-    @property
-    def points(self) -> int:
-        """How many points the map has."""
-        return self._met
-
     def add(self, cloud: PointCloud) -> None:
         """The next tile, not empty."""
         self._parts.append(cloud[_every(len(cloud), -self._met % self._every, self._every)])
@@ -58,14 +53,13 @@ class Shown:
 
     def figures(self) -> dict[str, Any]:
         """Of the map: how many points, how large, and how sure those are that are held."""
-        cloud = self.cloud()
-        if cloud is None:
+        if not self._met:
             return {"points": 0}
-        assert cloud.sigma_m is not None
+        sigmas_m = [part.sigma_m for part in self._parts if part.sigma_m is not None]
         return {
             "points": self._met,
             "extent_m": [float(edge) for edge in self._high - self._low],
-            "sigma_m_median": float(np.median(cloud.sigma_m)),
+            "sigma_m_median": float(np.median(np.concatenate(sigmas_m))),
         }
 
 
