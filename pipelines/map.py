@@ -5,10 +5,11 @@ from __future__ import annotations
 import contextlib
 import shutil
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from pseudolidar.clouds.ground_fit import GroundFit
 from pseudolidar.errors import ALL_DONE, SOME_SKIPPED, UsageError
@@ -28,7 +29,7 @@ from pseudolidar.running.folder import check_usable
 from pseudolidar.running.mapped.build import FRAME_FOLDER, MapSettings, built
 from pseudolidar.running.mapped.checkpoints import Checkpoints
 from pseudolidar.running.mapped.glimpse import Glimpse
-from pseudolidar.running.mapped.map_files import TILE_FOLDER, WHOLE_NAME, write_map
+from pseudolidar.running.mapped.map_files import TILE_FOLDER, WHOLE_NAME, Made, write_map
 from pseudolidar.running.mapped.map_outputs import MapOutputs
 from pseudolidar.running.mapped.map_recording import plan_recording, write_recording
 from pseudolidar.running.mapped.mesh_outputs import MeshOutputs, mesh_figures
@@ -43,9 +44,7 @@ from pseudolidar.running.networks import networks_of
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.products.recording import RecordingPlan
 from pseudolidar.running.rehearsal import Rehearsal, rehearse
-from pseudolidar.running.reports.loop_sections import loop_sections
 from pseudolidar.running.reports.map_page import write_map_page
-from pseudolidar.running.reports.map_pictures import map_sections
 from pseudolidar.running.reports.map_report import MapReport, errors_of
 from pseudolidar.running.run import Run
 from pseudolidar.running.settings_schema import described
@@ -65,7 +64,6 @@ from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.camera import StereoRig
-from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.address import LOOPBACK, PORT
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.run_page import run_page
@@ -80,8 +78,8 @@ class Map:
     Stereo visual odometry finds how the cameras moved; KISS-ICP's map and the pictures check every
     step. Frames in which too little is seen are lost, and said to be: nothing is made up. Where the
     source knows its poses (KITTI, synthetic:street), the path is compared with them. Killed and
-    started again, a run does not match again what it has matched, and goes on from the last 50th
-    frame.
+    started again, a run does not match again what it has matched, and goes on along the path from
+    at most 50 frames ago, or a 20th of them.
 
         pseudolidar map synthetic:street:40 out/street
         pseudolidar map synthetic:street:40 out/street --view
@@ -223,33 +221,24 @@ def run(job: Map) -> MapReport | Rehearsal:
     check_usable(job.out)
     match_once = matcher_of(job, source)
     if job.dry_run:
-        preflight(source, wanted=job.check, crew=job.crew, searching=job.searching)
-        return rehearse(source, match_once.product, folder=job.out, crew=job.crew).checked()
+        return rehearsed(job, source, match_once)
     recording = plan_recording(job, source, wanted=job.to.recording)
     products = (*recording.names, *job.products)
     check_apart(job.out, paths_read(job.source), (*job.folders, *products), overwrite=job.overwrite)
     with (
         run_page(job, source, onlooking()) as onlooker,
         Run.open(job.out, job, source, products=products, networks=networks_of(match_once)) as run,
-        contextlib.nullcontext()
-        if job.loops is None
-        else PlaceFile(job.out / PLACES_FILE) as places,
+        places_of(job) as places,
     ):
         known = run.committed
-        run.check(
-            wanted=job.check and len(known) < len(source.ids),
-            crew=job.crew,
-            searching=job.searching,
-        )
-        loops = None if job.loops is None else job.loops.start(source.rig, places)
+        more = len(known) < len(source.ids)
+        run.check(wanted=job.check and more, crew=job.crew, searching=job.searching)
+        match_once = replace(match_once, known=known)
         checkpoints = Checkpoints(
             job.out, run.decided_by, places, drawn=job.debug_video, crew=job.crew
         )
-        match_once = replace(match_once, known=known)
-        walk = checkpoints.last(run, match_once)
-        walk = walk or Walk(job.odometry.start(source.rig), source.rig, loops)
-        passed = frozenset(one.id for one in walk.placed)
-        begun_s = time.monotonic()
+        walk = checkpoints.last(run, match_once) or begun(job, source, places)
+        passed, begun_s = frozenset(one.id for one in walk.placed), time.monotonic()
         film = OdometryFilm(job.out) if job.debug_video else None
         outcomes = stream(source, match_once, crew=job.crew, skip=passed, in_flight=run.in_flight)
         for frame in run.good(outcomes, again=len(known - passed)):
@@ -265,35 +254,38 @@ def run(job: Map) -> MapReport | Rehearsal:
             walk = checkpoints.after(walk)
         seconds = time.monotonic() - begun_s
         walked = walk.walked()
-        pieces = walked.pieces
         rig = source.rig.with_correction(walk.correction or source.rig.correction)
-        files = path_files(job, walk, pieces, rig)
+        files = path_files(job, walk, walked.pieces, rig)
         if film is not None:
             files = (*files, film.finish(run, source))
-        made = mapped(job, source, pieces, rig, recording)
+        made = mapped(job, source, walked.pieces, rig, recording)
         if onlooker is not None:
             onlooker.lay(WHOLE_NAME, made.shown)
-    if not job.keep_work and run.result().exit_code in (ALL_DONE, SOME_SKIPPED):
-        shutil.rmtree(job.out / WORK_FOLDER, ignore_errors=True)
-    frames = len(walk.placed) - len(passed)
-    files = (*files, *made.files)
-    report = MapReport(
-        run.result(),
-        job.out,
-        walk.placed,
-        walked,
-        errors_of(pieces),
-        seconds / frames if frames else None,
-        files,
-        made.figures,
-    )
-    page = write_map_page(
-        report,
-        source.rig,
-        settings=chosen(job),
-        more=[*map_sections(made.shown, pieces, source.rig), *loop_sections(walked, source)],
-    )
-    return replace(report, files=(*files, page))
+    forget_work(job, run)
+    steps = len(walk.placed) - len(passed)
+    pace_s, errors = seconds / steps if steps else None, errors_of(walked.pieces)
+    files, told = (*files, *made.files), run.result()
+    report = MapReport(told, job.out, walk.placed, walked, errors, pace_s, files, made.figures)
+    return write_map_page(report, source, shown=made.shown, settings=chosen(job))
+
+
+def rehearsed(job: Map, source: FrameSource, match_once: MatchOnce) -> Rehearsal:
+    """What a run would take."""
+    preflight(source, wanted=job.check, crew=job.crew, searching=job.searching)
+    return rehearse(source, match_once.product, folder=job.out, crew=job.crew).checked()
+
+
+def places_of(job: Map) -> AbstractContextManager[PlaceFile | None]:
+    """Where the finder of loops keeps places; None where returns are not looked for."""
+    if job.loops is None:
+        return contextlib.nullcontext()
+    return PlaceFile(job.out / PLACES_FILE)
+
+
+def begun(job: Map, source: FrameSource, places: PlaceFile | None) -> Walk:
+    """A walk before its first frame."""
+    loops = None if job.loops is None else job.loops.start(source.rig, places)
+    return Walk(job.odometry.start(source.rig), source.rig, loops)
 
 
 def onlooking() -> Callable[[Glimpse], Moment]:
@@ -309,21 +301,6 @@ def path_files(job: Map, walk: Walk, pieces: Sequence[Piece], rig: StereoRig) ->
         return files
     write_rig(job.out / RIG_NAME, rig)
     return (*files, job.out / RIG_NAME)
-
-
-@dataclass(frozen=True, eq=False)
-class Made:
-    """What was made along the path.
-
-    Args:
-        files: what there is to open.
-        figures: of the map.
-        shown: points of the map, all or evenly chosen.
-    """
-
-    files: tuple[Path, ...] = ()
-    figures: Mapping[str, Any] = field(default_factory=dict)
-    shown: PointCloud | None = None
 
 
 def mapped(
@@ -347,29 +324,35 @@ def mapped(
         meshed=job.mesh,
         occupied=job.occupancy,
     )
-    files, figures, shown = write_map(job.out, builder.clouds(), job.to.clouds)
+    made = write_map(job.out, builder.clouds(), job.to.clouds)
     if builder.mesh is not None:
         mesh = builder.mesh.extract()
-        files = (*files, *job.mesh_to.write(job.out, mesh))
-        figures = {**figures, "mesh": mesh_figures(mesh, builder.mesh.voxel_m)}
+        files = job.mesh_to.write(job.out, mesh)
+        made = made.also(files, {"mesh": mesh_figures(mesh, builder.mesh.voxel_m)})
     if builder.occupancy is not None:
-        robots, told = write_occupancy(job.out, builder.occupancy)
-        files, figures = (*files, *robots), {**figures, "occupancy": told}
+        files, figures = write_occupancy(job.out, builder.occupancy)
+        made = made.also(files, {"occupancy": figures})
     if kinds:
-        files = (*files, job.out / FRAME_FOLDER)
+        made = made.also((job.out / FRAME_FOLDER,))
     if job.to.recording:
-        recorded = write_recording(
+        files = write_recording(
             job.out,
             source,
             pieces[0],
             rig,
-            shown,
+            made.shown,
             plan=recording,
             content=job.mcap,
             crew=job.crew,
         )
-        files = (*files, *recorded)
-    return Made(files, figures, shown)
+        made = made.also(files)
+    return made
+
+
+def forget_work(job: Map, run: Run) -> None:
+    """Remove what a run that is done works with, unless it is to be kept."""
+    if not job.keep_work and run.result().exit_code in (ALL_DONE, SOME_SKIPPED):
+        shutil.rmtree(job.out / WORK_FOLDER, ignore_errors=True)
 
 
 def matcher_of(job: Map, source: FrameSource) -> MatchOnce:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,25 @@ from pseudolidar.structures.cloud import PointCloud
 TILE_FOLDER, WHOLE_NAME = "tiles", "map"
 # Pictures and the recording show so many points at most, evenly chosen of a larger map.
 MOST_SHOWN = 2_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """What was made along a path.
+
+    Args:
+        files: what there is to open.
+        figures: of the map.
+        shown: points of the map, all or evenly chosen; None of a map without any.
+    """
+
+    files: tuple[Path, ...] = ()
+    figures: Mapping[str, Any] = field(default_factory=dict)
+    shown: PointCloud | None = None
+
+    def also(self, files: tuple[Path, ...], figures: Mapping[str, Any] | None = None) -> Made:
+        """With more files, and more figures."""
+        return Made((*self.files, *files), {**self.figures, **(figures or {})}, self.shown)
 
 
 class Shown:
@@ -70,16 +90,13 @@ def _every(count: int, first: int, step: int) -> Int64:
 
 def write_map(
     folder: Path, tiles: Iterable[tuple[Tile, PointCloud]], kinds: tuple[str, ...]
-) -> tuple[tuple[Path, ...], Mapping[str, Any], PointCloud | None]:
+) -> Made:
     """Write the map: each tile, and the whole.
 
     Args:
         folder: output folder.
         tiles: of the map, none empty.
         kinds: formats.
-
-    Returns:
-        The files; figures of the map; what is shown of it, None of an empty one.
 
     Raises:
         OutputError: the disk is full or gone.
@@ -95,8 +112,8 @@ def write_map(
             write_cloud(tiles_folder / f"{x}_{y}.{kind}", cloud)
     figures = {**shown.figures(), "tiles": len(names)}
     if not names or not kinds:
-        return (), figures, shown.cloud()
+        return Made((), figures, shown.cloud())
     wholes = tuple(folder / f"{WHOLE_NAME}.{kind}" for kind in kinds)
     for whole in wholes:
         join_clouds([tiles_folder / f"{name}{whole.suffix}" for name in names], whole)
-    return (*wholes, tiles_folder), figures, shown.cloud()
+    return Made((*wholes, tiles_folder), figures, shown.cloud())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,10 +15,13 @@ from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.trajectory_file import KITTI_VERTICAL
 from pseudolidar.running.mapped.walk import Piece, Placed
 from pseudolidar.running.reports.conversion_page import REPORT_NAME, rig_rows
+from pseudolidar.running.reports.loop_sections import loop_sections
+from pseudolidar.running.reports.map_pictures import map_sections
 from pseudolidar.running.reports.map_report import MapReport
 from pseudolidar.running.reports.numbers import percent
 from pseudolidar.running.reports.run_sections import notes_section, skips_section
-from pseudolidar.structures.camera import StereoRig
+from pseudolidar.sources.source import FrameSource
+from pseudolidar.structures.cloud import PointCloud
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,28 +29,30 @@ if TYPE_CHECKING:
 
 def write_map_page(
     report: MapReport,
-    rig: StereoRig,
+    source: FrameSource,
     *,
+    shown: PointCloud | None,
     settings: Mapping[str, str],
-    more: Sequence[Section] = (),
-) -> Path:
+) -> MapReport:
     """Write the page.
 
     Args:
         report: what was made.
-        rig: of the frames.
+        source: the frames.
+        shown: points of the map; None where there is none.
         settings: what was chosen, by name, for the reader.
-        more: sections about the map.
 
     Returns:
-        Its path.
+        The report, with the page among its files.
 
     Raises:
         OutputError: the disk is full or gone.
+        PseudolidarError: a picture cannot be read again.
     """
-    result = report.result
+    result, rig = report.result, source.rig
     sections = [
-        *more,
+        *map_sections(shown, report.pieces, rig),
+        *loop_sections(report.walked, source),
         Section("The path", pictures=_paths(report)),
         *_drift(report),
         Section("How it was found", pictures=[PictureRow((_tracks(report.placed),))]),
@@ -64,7 +69,7 @@ def write_map_page(
         keys=_keys(report),
     )
     write_atomic(path, page)
-    return path
+    return replace(report, files=(*report.files, path))
 
 
 def _keys(report: MapReport) -> list[KeyFigure]:
