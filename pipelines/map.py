@@ -261,6 +261,8 @@ def run(job: Map) -> MapReport | Rehearsal:
         made = mapped(job, source, walked.pieces, rig, recording)
         if onlooker is not None:
             onlooker.lay(WHOLE_NAME, made.shown)
+    if run.result().ended_early:
+        return MapReport.stopped(run.result(), job.out)
     forget_work(job, run)
     steps = len(walk.placed) - len(passed)
     pace_s, errors = seconds / steps if steps else None, errors_of(walked.pieces)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import pytest
 
 from pseudolidar.cli import main
 from pseudolidar.formats.tum import read_tum_trajectory
+from pseudolidar.running.mapped.walk import Walk
 
 SIZE = ["--width-px", "320", "--height-px", "128"]
 
@@ -69,6 +72,22 @@ def test_a_gap_in_the_times_is_told(root: Path, capsys):
     assert told(capsys, root, "--odometry", "vision")[0] == 0
     report = (root.parent / "out" / "report.html").read_text()
     assert "gap" in report
+
+
+def test_a_run_that_is_stopped_says_so(root: Path, capsys, monkeypatch: pytest.MonkeyPatch):
+    step = Walk.step
+
+    def stopping(walk: Walk, *seen: Any) -> Any:
+        if len(walk.placed) == 1:
+            os.kill(os.getpid(), signal.SIGINT)
+        return step(walk, *seen)
+
+    monkeypatch.setattr(Walk, "step", stopping)
+    out = str(root.parent / "out")
+    assert main(["map", str(root), out, "--to", "none", "--odometry", "vision"]) == 130
+    said = capsys.readouterr()
+    assert "the same command continues" in said.out
+    assert "lost" not in said.out + said.err
 
 
 def test_scans_without_shape_are_lost_and_nothing_is_made_up(root: Path, capsys):

@@ -42,6 +42,11 @@ class MapReport:
     files: Sequence[Path] = ()
     map: Mapping[str, Any] = field(default_factory=dict)
 
+    @classmethod
+    def stopped(cls, result: RunResult, out: Path) -> MapReport:
+        """Of a run that was stopped before it had a path."""
+        return cls(result, out, (), Walked(()), None, None)
+
     @property
     def exit_code(self) -> int:
         """0 all done, 4 some frames skipped, 130 or 143 stopped."""
@@ -107,6 +112,8 @@ class MapReport:
         return "\n".join([*lines, *(f"  {path}" for path in self.files if path.exists())])
 
     def _path_lines(self) -> list[str]:
+        if self.result.ended_early:
+            return []
         if not self.pieces:
             return ["  no path: every frame is lost"]
         longest = self.pieces[0]
