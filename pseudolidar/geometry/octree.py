@@ -17,8 +17,9 @@ MOST_IN_NODE = 25_000
 # Cells of a node along an edge, as powers of 2.
 LEAST_GRID, MOST_GRID = 3, 9
 SMALLEST_M = 1e-3
-# The cube is that of most points, so that stray ones do not make all others one cell of it: between
-# these shares of so many points along each axis, and a share of their longest extent to each side.
+# Stray points do not make all others one cell of the cube: it is around those that are between
+# these shares of so many along each axis, or beside them by less than a share of their longest
+# extent.
 MOST_SAMPLED = 100_000
 MOST_POINTS = (0.001, 0.999)
 MARGIN = 0.25
@@ -108,16 +109,17 @@ def _cube(xyz: AnyArray) -> tuple[Float64, float]:
     """Corner and edge of a cube around all finite points but stray ones."""
     from pseudolidar.geometry.octree_kernels import bounds
 
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
-    bounds(xyz, low, high)
-    if not np.isfinite(low).all():
-        return np.zeros(3), SMALLEST_M
+    least, most = np.full(3, -np.inf), np.full(3, np.inf)
     sample = xyz[:: max(len(xyz) // MOST_SAMPLED, 1)].astype(np.float64)
     sample = sample[np.isfinite(sample).all(axis=1)]
     if len(sample):
         near, far = np.quantile(sample, MOST_POINTS, axis=0)
         margin_m = MARGIN * float((far - near).max())
-        low, high = np.maximum(low, near - margin_m), np.minimum(high, far + margin_m)
+        least, most = near - margin_m, far + margin_m
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    bounds(xyz, least, most, low, high)
+    if not np.isfinite(low).all():
+        return np.zeros(3), SMALLEST_M
     size_m = max(float((high - low).max()) * (1 + 1e-6), SMALLEST_M)
     return 0.5 * (low + high) - 0.5 * size_m, size_m
 

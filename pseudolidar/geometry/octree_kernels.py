@@ -26,17 +26,20 @@ def _spread(value: int) -> np.uint64:
 
 
 @_kernel
-def bounds(xyz: AnyArray, low: AnyArray, high: AnyArray) -> None:
-    """Corners of the box around the points that are finite.
+def bounds(xyz: AnyArray, least: AnyArray, most: AnyArray, low: AnyArray, high: AnyArray) -> None:
+    """Corners of the box around the points that are finite and within limits.
 
     Args:
         xyz: (N, 3) m.
+        least: (3,) float64 limits of each axis.
+        most: (3,) float64, likewise.
         low: (3,) float64 out, lowered where points are lower.
         high: (3,) float64 out, likewise.
     """
     for i in range(len(xyz)):
         x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-        if np.isfinite(x) and np.isfinite(y) and np.isfinite(z):
+        inside = least[0] <= x <= most[0] and least[1] <= y <= most[1] and least[2] <= z <= most[2]
+        if inside and np.isfinite(x) and np.isfinite(y) and np.isfinite(z):
             low[0], high[0] = min(low[0], x), max(high[0], x)
             low[1], high[1] = min(low[1], y), max(high[1], y)
             low[2], high[2] = min(low[2], z), max(high[2], z)
