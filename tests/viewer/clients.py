@@ -13,6 +13,20 @@ from websockets.sync.client import ClientConnection, connect
 
 from pseudolidar.viewer.server import GuardedServer
 
+# Where somebody looks from, as a browser says it.
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": [0.0, 0.0, 1.0],
+    "fov": 1.0,
+    "near": 0.1,
+    "far": 100.0,
+    "image_height": 600,
+    "image_width": 800,
+    "look_at": [1.0, 0.0, 0.0],
+    "up_direction": [0.0, 0.0, 1.0],
+}
+
 
 def port_of(server: GuardedServer) -> int:
     return server.guard.port

@@ -22,7 +22,7 @@ from pseudolidar.viewer import connection, gate, listener
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.answers import Answer
 from pseudolidar.viewer.server import GuardedServer, serve
-from tests.viewer.clients import cookie, get, look, looking, port_of, wait_until
+from tests.viewer.clients import CAMERA, cookie, get, look, looking, port_of, wait_until
 
 POINTS = 200_000
 MOST = 24
@@ -176,19 +176,7 @@ def click(client: ClientConnection, times: int = 1) -> None:
 
 
 def camera(client: ClientConnection) -> None:
-    message = {
-        "type": "ViewerCameraMessage",
-        "wxyz": [1.0, 0.0, 0.0, 0.0],
-        "position": [0.0, 0.0, 1.0],
-        "fov": 1.0,
-        "near": 0.1,
-        "far": 100.0,
-        "image_height": 600,
-        "image_width": 800,
-        "look_at": [1.0, 0.0, 0.0],
-        "up_direction": [0.0, 0.0, 1.0],
-    }
-    client.send(msgspec.msgpack.encode(message))
+    client.send(msgspec.msgpack.encode(CAMERA))
 
 
 def test_who_clicks_without_end_is_heard_at_the_pace_of_a_hand(server: GuardedServer):

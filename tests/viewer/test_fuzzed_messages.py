@@ -20,7 +20,7 @@ from pseudolidar.viewer.checks import PNG_START
 from pseudolidar.viewer.inbound import Control
 from pseudolidar.viewer.listener import Listener
 from pseudolidar.viewer.server import GuardedServer
-from tests.viewer.clients import cookie, get, look, looking, wait_until
+from tests.viewer.clients import CAMERA, cookie, get, look, looking, wait_until
 
 COUNT, SENT = 10_000, 1000
 # A server listens to no more than eight wrong ones.
@@ -28,17 +28,7 @@ AT_ONCE = 12
 POSE = {"wxyz": [1.0, 0.0, 0.0, 0.0], "position": [0.0, 0.0, 1.0]}
 RAY = {"ray_origin": [0.0, 0.0, 0.0], "ray_direction": [1.0, 0.0, 0.0], "modifier": None}
 VALID: list[dict[str, Any]] = [
-    {
-        "type": "ViewerCameraMessage",
-        "fov": 1.0,
-        "near": 0.1,
-        "far": 100.0,
-        "image_height": 600,
-        "image_width": 800,
-        "look_at": [1.0, 0.0, 0.0],
-        "up_direction": [0.0, 0.0, 1.0],
-    }
-    | POSE,
+    CAMERA,
     {"type": "ScenePointerMessage", "event_type": "click", "screen_pos": [[0.5, 0.5]]} | RAY,
     {
         "type": "ScenePointerMessage",

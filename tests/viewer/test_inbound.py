@@ -8,6 +8,7 @@ import pytest
 from pseudolidar.formats.pictures.image import encode_png
 from pseudolidar.viewer.checks import PNG_START, TEXT_LENGTH
 from pseudolidar.viewer.inbound import MESSAGE_BYTES, MOST_PICTURE_PX, Control, fault_of
+from tests.viewer.clients import CAMERA
 
 CONTROLS = {
     "slider": Control(5, 0, 10),
@@ -16,18 +17,6 @@ CONTROLS = {
     "text": Control("a"),
     "choice": Control("a", options=("a", "b")),
     "vector": Control((0.0, 1.0), 0.0, 1.0),
-}
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": [1.0, 0, 0, 0],
-    "position": [0.0, 0, 1],
-    "fov": 1.0,
-    "near": 0.1,
-    "far": 100.0,
-    "image_height": 600,
-    "image_width": 800,
-    "look_at": [0.0, 0, 0],
-    "up_direction": [0.0, 0, 1],
 }
 
 
