@@ -28,7 +28,7 @@ from pseudolidar.viewer.means import Means
 from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.reel import SourceReel
 from tests.viewer.clients import wait_until
-from tests.viewer.seen import pixels_of
+from tests.viewer.seen import pixels_of, screenshot
 
 
 @pytest.fixture(scope="module")
@@ -103,6 +103,7 @@ def test_errors_by_range_are_drawn(app: App, opened_page: Page):
     opened_page.get_by_role("tab", name="Compare").click()
     opened_page.get_by_label("Errors of the shown frame").click()
     opened_page.locator("svg[role=img]").first.wait_for(timeout=60_000)
+    screenshot(opened_page, "compare")
     pool = Pool("stereo", "velodyne")
     assert app.view.moment is not None
     pool.add(app.view.moment, {})
@@ -185,7 +186,7 @@ def test_wrong_queries_get_an_answer(app: App, opened_page: Page, query: str):
 
 def test_it_is_seen_in_the_browser(opened_page: Page):
     opened_page.wait_for_timeout(1500)
-    scene = pixels_of(opened_page.screenshot())[100:, :600].reshape(-1, 3)
+    scene = pixels_of(screenshot(opened_page, "sequence"))[100:, :600].reshape(-1, 3)
     assert len(np.unique(scene // 32, axis=0)) > 30  # many colours: a street, not an empty page
 
 
@@ -261,6 +262,7 @@ def test_objects_are_listed_as_the_library_measures_them(app: App, opened_page: 
     assert len(rows) == len(found)
     assert f"{found[0].distance_m:.1f} ± {found[0].sigma_distance_m:.1f}" in rows[0]
     assert rows[0].startswith(found[0].detection.name)
+    screenshot(opened_page, "obstacles")
 
 
 def test_a_chosen_object_stays_in_place(app: App, opened_page: Page):

@@ -14,7 +14,7 @@ from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.opening import Opened, Opening
 from pseudolidar.viewer.reel import NoFrames
-from tests.viewer.seen import pixels_of
+from tests.viewer.seen import pixels_of, screenshot
 
 
 def test_a_map_and_its_path_lie_still(tmp_path: Path, page: Page):
@@ -28,7 +28,7 @@ def test_a_map_and_its_path_lie_still(tmp_path: Path, page: Page):
         page.goto(served.url)
         page.get_by_text("utm.ply", exact=True).wait_for(timeout=60_000)
         page.wait_for_timeout(1000)
-        scene = pixels_of(page.screenshot())[100:, :800].reshape(-1, 3)
+        scene = pixels_of(screenshot(page, "map"))[100:, :800].reshape(-1, 3)
     assert len(np.unique(scene // 32, axis=0)) > 30
     drawn = served.view.stage._clouds["utm.ply"].points
     assert np.abs(drawn).max() < 40

@@ -19,6 +19,7 @@ from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.means import Means
 from pseudolidar.viewer.opening import Opened
+from tests.viewer.seen import screenshot
 
 SOURCE = Synthetic("street", frames=2, width_px=400)
 
@@ -55,6 +56,7 @@ def test_a_slider_changes_disparities_figures_and_the_saved_file(
     opened_page.keyboard.press("End")
     opened_page.get_by_text(re.compile(r"^-\d+\.\d\d$")).first.wait_for(timeout=60_000)
     assert app.tune.tuner.idle(20)
+    screenshot(opened_page, "tune")
     after = app.view.moment
     assert after is not None
     assert after.converted is not None

@@ -73,7 +73,7 @@ def wait_for(condition: Callable[[], bool], seconds: float = 60.0) -> None:
 def test_a_server_that_dies_and_comes_back(videos: Path) -> None:
     with contextlib.ExitStack() as opened:
         with server(videos) as port:
-            capture = opened.enter_context(cameras(port, 60.0).open().begin())
+            capture = opened.enter_context(cameras(port, 60.0).open())  # `begin` would forget
             pair = capture.take()
             left, right = (to_pixels(shot.picture, rotated=False) for shot in pair.shots)
             assert number_of(left.pixels, LEFT) == number_of(right.pixels, RIGHT)
