@@ -20,9 +20,10 @@ from pseudolidar.obstacles.labels import Labels
 from pseudolidar.obstacles.tracker import Tracker
 from pseudolidar.running.apart import check_apart, paths_read
 from pseudolidar.running.bad_frames import OnError
+from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
-from pseudolidar.running.finding import NEAR_FOLDER, FindFrame
+from pseudolidar.running.finding import NEAR_FOLDER, FindFrame, FindShown
 from pseudolidar.running.folder import check_usable
 from pseudolidar.running.journal.record import FrameRecord
 from pseudolidar.running.matching import MatchFrame, Refining
@@ -66,6 +67,9 @@ from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.recorded import Frame
+from pseudolidar.viewer.address import LOOPBACK, PORT
+from pseudolidar.viewer.objects.glimpse import Glimpses, moment_of
+from pseudolidar.viewer.run_page import run_page
 
 _log = logging.getLogger(__name__)
 TABLES, CORRIDOR = ("obstacles.jsonl", "obstacles.csv"), "corridor.csv"
@@ -85,6 +89,7 @@ class Obstacles:
         pseudolidar obstacles left.mp4 out --right right.mp4 --detector regions:480,180,512,202
         pseudolidar obstacles drive_0002_sync out --detector cloud --track tracker --video
         pseudolidar obstacles drive.mcap out --corridor 2x2x30 --stop-at 3
+        pseudolidar obstacles drive_0002_sync out --detector cloud --track tracker --view
 
     Args:
         source: pairs: KITTI data, folders, videos, a recording, synthetic:NAME; or pictures with
@@ -140,6 +145,10 @@ class Obstacles:
         timeout: a frame that takes longer is skipped, s.
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
         overwrite: start anew, even where OUT holds a run with other settings.
+        view: show on a page what is found while it is found: the printed address, in a browser. At
+            a terminal it stays open after the end, until Ctrl-C.
+        port: of that page, 0 for any that is free.
+        host: of that page; others than 127.0.0.1 let other machines in, with the printed token.
     """
 
     source: Annotated[Source, Recognised(recognise)]
@@ -173,6 +182,9 @@ class Obstacles:
     timeout: Annotated[float, RUN_ONLY] = FRAME_TIMEOUT_S
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
     overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+    view: Annotated[bool, RUN_ONLY, THIS_TIME] = False
+    port: Annotated[int, RUN_ONLY] = PORT
+    host: Annotated[str, RUN_ONLY] = LOOPBACK
 
     def __post_init__(self) -> None:
         for name in ("stop_at", "near"):
@@ -228,8 +240,9 @@ def run(job: Obstacles) -> ObstaclesReport:
     products = (*recording.names, *job.products)
     check_apart(job.out, paths_read(job.source), (*job.folders, *products), overwrite=job.overwrite)
     told: dict[str, ToldFrame] = {}
-    corridor = None
+    corridor, glimpses = None, Glimpses(job.corridor)
     with (
+        run_page(job, source, moment_of, finds=True) as onlooker,
         Run.open(job.out, job, source, products=products, networks=networks_of(per_frame)) as run,
         recording.open(job.out, run.expected(per_frame, crew=job.crew)) as log,
     ):
@@ -244,13 +257,17 @@ def run(job: Obstacles) -> ObstaclesReport:
         if stopped_at(job, run.records()):  # before: it stays where it stopped
             settled = frozenset(source.ids)
             run.halt(TOO_NEAR)
-        outcomes = stream(source, per_frame, crew=job.crew, skip=settled, in_flight=run.in_flight)
+        shown = FindShown(per_frame, shown=onlooker is not None)
+        outcomes = stream(source, shown, crew=job.crew, skip=settled, in_flight=run.in_flight)
         for frame in run.good(outcomes):
-            told_frame = telling(frame.id, frame.value)  # in order: who is who
-            parts = told_parts(frame.value.parts, told_frame, index=frame.index, content=job.mcap)
+            product, found = frame.value.product, frame.value.found
+            told_frame = telling(frame.id, product)  # in order: who is who
+            parts = told_parts(product.parts, told_frame, index=frame.index, content=job.mcap)
             log.append(frame.id, parts)
-            run.commit(frame)
-            if is_too_near(job, frame.value.figures):
+            run.commit(Done(frame.id, frame.index, product, frame.cpu_s))
+            if onlooker is not None and found is not None:
+                onlooker.show(frame.index, glimpses(found, told_frame.obstacles))
+            if is_too_near(job, product.figures):
                 run.halt(TOO_NEAR)
                 break
         telling.finish(run.committed)

@@ -54,7 +54,11 @@ class FindFrame:
         Raises:
             PseudolidarError: as `found`.
         """
-        found = self.found(frame)
+        return self.product(self.found(frame))
+
+    def product(self, found: Found) -> Product:
+        """Everything that is committed of a frame, encoded."""
+        frame = found.frame
         files = [found_file(found), *self.to.files(found)]
         if self.near_m is not None:
             mask = near_mask(found.seen.sight, self.near_m)
@@ -72,6 +76,41 @@ class FindFrame:
             LabelError: the detector has nothing to go by.
         """
         return found_in(frame, self.sight(frame), self.detect, self.corridor)
+
+
+@dataclass(frozen=True, eq=False)
+class FoundProduct:
+    """What is committed of a frame, and what it was made of.
+
+    Args:
+        product: to be committed.
+        found: for those who look on; None where nobody does.
+    """
+
+    product: Product
+    found: Found | None = None
+
+
+@dataclass(frozen=True)
+class FindShown:
+    """The same as `find`, for a run that somebody may look on at.
+
+    Args:
+        find: frame to its obstacles.
+        shown: whether somebody does.
+    """
+
+    find: FindFrame
+    shown: bool = False
+
+    def __call__(self, frame: Frame) -> FoundProduct:
+        """Find, encode, and keep what was found where it is shown.
+
+        Raises:
+            PseudolidarError: as `FindFrame.found`.
+        """
+        found = self.find.found(frame)
+        return FoundProduct(self.find.product(found), found if self.shown else None)
 
 
 def found_in(frame: Frame, seen: Seen, detect: Detector | None, corridor: Corridor | None) -> Found:

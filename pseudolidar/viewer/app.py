@@ -79,8 +79,10 @@ class App:
         names = ["Scene", "Tune", "Obstacles", "Compare", "Export", "Help"]
         if workshop is None or not isinstance(reel, SourceReel):
             names.remove("Tune")
-        if not opened.reels or self.run is not None:  # a running command shows the newest only
+        if not opened.reels or (isinstance(reel, LiveReel) and not reel.finds):
             names.remove("Obstacles")
+        elif isinstance(reel, LiveReel):  # what the run is for
+            names = ["Obstacles", *(name for name in names if name != "Obstacles")]
         if opened.is_empty:
             names = ["Help", "Scene", "Export"]
         tab = {name: tabs.add_tab(name) for name in names}

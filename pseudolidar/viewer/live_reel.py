@@ -14,13 +14,14 @@ class LiveReel:
     Args:
         name: what the run goes through, in one line.
         frames: how many that are; None where nobody knows.
+        finds: whether the run finds objects, which come with its frames.
 
     `made` counts the frames that the run has made, `passed_over` those of them that gave way to
     newer ones; `finished` says that there will be no more.
     """
 
-    def __init__(self, name: str, frames: int | None = None) -> None:
-        self.name, self.frames = name, frames
+    def __init__(self, name: str, frames: int | None = None, *, finds: bool = False) -> None:
+        self.name, self.frames, self.finds = name, frames, finds
         self.ids: Sequence[str] = ("",)
         self.times_s: Sequence[float] = (0.0,)
         self.held = self.finished = False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.frame import LidarScan, StereoFrame
 from pseudolidar.structures.pose import Pose
 from pseudolidar.structures.recorded import DepthFrame
+
+if TYPE_CHECKING:
+    from pseudolidar.viewer.objects.in_order import Told
 
 # Names of the clouds of a frame: as cameras see it, as its LiDAR does, as it was recorded.
 STEREO, VELODYNE, POINTS = "stereo", "velodyne", "points"
@@ -59,6 +62,7 @@ class Moment:
             first look.
         fault: why it cannot be shown; then there is nothing else.
         makings: what clouds were made of whose depths can be judged, by their names.
+        told: what the run that made it found in it; None where it looks for nothing.
     """
 
     id: str
@@ -72,6 +76,7 @@ class Moment:
     matched_at: float = 1.0
     fault: str = ""
     makings: Mapping[str, Converted] = field(default_factory=dict)
+    told: Told | None = None
 
     @classmethod
     def of(cls, converted: Converted) -> Self:

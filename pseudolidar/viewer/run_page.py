@@ -105,6 +105,7 @@ def run_page(
     moment: Callable[[Shown], Moment],
     *,
     endless: bool = False,
+    finds: bool = False,
 ) -> Iterator[RunPage[Shown] | None]:
     """A page while the block lasts, where one is asked for.
 
@@ -116,6 +117,7 @@ def run_page(
         source: what the run goes through.
         moment: what is handed over, to what there is to see of it.
         endless: cameras, which are ended by Ctrl-C.
+        finds: whether moments come with the objects in them.
 
     Raises:
         ServeError: the address cannot be had.
@@ -126,7 +128,7 @@ def run_page(
     from pseudolidar.viewer.app import App
     from pseudolidar.viewer.opening import Opened
 
-    reel = LiveReel(source.summary.line, None if endless else len(source.ids))
+    reel = LiveReel(source.summary.line, None if endless else len(source.ids), finds=finds)
     with contextlib.ExitStack() as held:
         app = held.enter_context(App.served(Address(job.host, job.port), Opened((reel,))))
         _log.info("%s", app.url)

@@ -15,6 +15,7 @@ from pseudolidar.structures.camera import Camera
 from pseudolidar.structures.obstacle import Obstacle
 from pseudolidar.viewer.objects.objects import Objects
 
+NO_OBJECTS = Objects()
 # Frames farther apart do not follow one another, s.
 LONGEST_STEP_S = 2.0
 
@@ -25,11 +26,13 @@ class Told:
 
     Args:
         obstacles: with their tracks where they are followed, and those that should be in view.
+        objects: what was found in the frame alone: its first obstacles, in their order.
         approach: how fast the nearest thing of the corridor comes nearer.
         round: how often it was begun anew, for numbers of tracks begin anew with it.
     """
 
     obstacles: tuple[Obstacle, ...]
+    objects: Objects = NO_OBJECTS
     approach: Approach | None = None
     round: int = 0
 
@@ -62,7 +65,7 @@ class InOrder:
         if last is None or not (index > last[0] and self._follows(last[1], time_ns)):
             self._begin()
         followed = self._followed(objects, time_ns, camera)
-        told = Told(followed, self._approach(objects, time_ns), self._round)
+        told = Told(followed, objects, self._approach(objects, time_ns), self._round)
         self._last = index, time_ns, objects, told
         return told
 

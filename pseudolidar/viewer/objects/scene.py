@@ -11,7 +11,7 @@ from pseudolidar.structures.arrays import Float32, Float64, UInt8
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.viewer.moment import Moment, Sight
 from pseudolidar.viewer.objects.in_order import Told
-from pseudolidar.viewer.objects.objects import Objects, WatchedCorridor
+from pseudolidar.viewer.objects.objects import WatchedCorridor
 from pseudolidar.viewer.objects.shown import Band, ShownObject, ShownTruth, colour_of
 
 
@@ -77,10 +77,9 @@ def shown_truths(moment: Moment, sight: Sight) -> tuple[ShownTruth, ...]:
     return tuple(sorted(found, key=lambda one: float(one.corners_m[:, 0].min())))
 
 
-def shown_points(
-    objects: Objects, told: Told, band: Band, T_forward_camera: Float64
-) -> tuple[Float32, UInt8]:
+def shown_points(told: Told, band: Band, T_forward_camera: Float64) -> tuple[Float32, UInt8]:
     """(N, 3) points of the objects in a band, and (N, 3) their colours."""
+    objects = told.objects
     seen = told.obstacles[: len(objects.obstacles)]
     if not seen:
         return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint8)

@@ -132,12 +132,12 @@ class ObjectWatch:
         sight = moment.sight
         truths = () if sight is None else shown_truths(moment, sight)
         found = self._finder.get(moment.index) if self._wish.searching else None
-        objects, told = self._told(moment, found)
+        told = self._told(moment, found)
         shown = shown_objects(told, self.band, T)
-        xyz, colours = shown_points(objects, told, self.band, T)
+        xyz, colours = shown_points(told, self.band, T)
         corridor = None
-        if found is not None and found.corridor is not None:
-            corridor = shown_corridor(found.corridor, told.approach, T)
+        if told.objects.corridor is not None:
+            corridor = shown_corridor(told.objects.corridor, told.approach, T)
         text = self._text(moment, found, shown=len(shown), every=len(told.obstacles))
         return ObjectScene(shown, truths, corridor, xyz, colours, self.chosen, text)
 
@@ -145,17 +145,19 @@ class ObjectWatch:
         """Find nothing more."""
         self._finder.close()
 
-    def _told(self, moment: Moment, found: Objects | None) -> tuple[Objects, Told]:
-        """Objects with their tracks."""
+    def _told(self, moment: Moment, found: Objects | None) -> Told:
+        """Objects with their tracks, by whoever is asked for them."""
         with self._lock:
             objects = found or Objects()
-            told = Told(objects.obstacles)
+            told = Told(objects.obstacles, objects)
             if found is not None and moment.sight is not None:
                 camera = moment.sight.camera
                 told = self._in_order(moment.index, moment.timestamp_ns, objects, camera)
-        if self._wish.of_run:
-            told = replace(told, obstacles=self._run.get(moment.id, ()), round=0)
-        return objects, told
+        if not self._wish.of_run:
+            return told
+        if moment.told is not None:
+            return moment.told
+        return replace(told, obstacles=self._run.get(moment.id, ()), round=0)
 
     def _text(self, moment: Moment, found: Objects | None, *, shown: int, every: int) -> str:
         if self._wish.searching and _frame(moment) is None:
@@ -172,7 +174,8 @@ class ObjectWatch:
         return f"{shown} object{'' if shown == 1 else 's'}{hidden}"
 
     def _without_place(self, moment: Moment) -> str:
-        if moment.fault or not (self._wish.searching or self._wish.of_run):
+        asked = self._wish.searching or self._wish.of_run
+        if moment.fault or not moment.clouds or not asked:
             return ""
         return "Nobody knows where these clouds are seen from: objects cannot be drawn in them."
 

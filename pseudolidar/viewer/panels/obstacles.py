@@ -19,6 +19,7 @@ from pseudolidar.obstacles.tracker import Tracker
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.viewer.answers import Answer
 from pseudolidar.viewer.controls import set_value
+from pseudolidar.viewer.live_reel import LiveReel
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.objects.asking import NONE, OF_RUN, USUAL, detector_of, given_name, kinds
 from pseudolidar.viewer.objects.drawn import DrawnObjects, Parts
@@ -86,7 +87,9 @@ class ObstaclesPanel:
         self.scene = ObjectScene()
         self._loaded: tuple[AnyDetector, Detector] | None = None
         self.watch = ObjectWatch(sights, run, self._came)
-        self._controls(of_run=bool(run))
+        # A run that goes on finds by itself: there is nothing to ask for.
+        self._live = isinstance(view.reel, LiveReel)
+        self._controls(of_run=bool(run) or self._live)
         view.stage.followed = self._followed
         view.wait_for(self.watch.ready)
         view.on_shown(self._show)
@@ -97,9 +100,10 @@ class ObstaclesPanel:
 
     def _controls(self, *, of_run: bool) -> None:
         gui, asked = self._view.gui, self._asked
+        every = kinds(of_run=of_run, given=asked.detector)
         self._kind = gui.add_dropdown(
             "Detector",
-            kinds(of_run=of_run, given=asked.detector),
+            (OF_RUN, NONE) if self._live else every,
             initial_value=asked.kind(of_run=of_run),
             hint="Who says where objects are. They are measured as `pseudolidar obstacles` does.",
         )
@@ -152,6 +156,7 @@ class ObstaclesPanel:
         self._watched = gui.add_checkbox(
             "Watch a corridor",
             self._asked.corridor is not None,
+            visible=not self._live,
             hint="The nearest thing ahead in it, whatever it is, and when it is reached.",
         )
         self._size = gui.add_vector3(
@@ -171,7 +176,10 @@ class ObstaclesPanel:
             points = gui.add_checkbox("Points in their colour", parts.points)
             truth = gui.add_checkbox("Labels of the data, white", parts.truth)
             self._track = gui.add_checkbox(
-                "Follow from frame to frame", True, hint="Identity, speed, time to contact."
+                "Follow from frame to frame",
+                True,
+                visible=not self._live,
+                hint="Identity, speed, time to contact.",
             )
         boxes.on_update(lambda _: self._draw_parts(boxes=boxes.value))
         labels.on_update(lambda _: self._draw_parts(labels=int(labels.value)))
