@@ -80,6 +80,7 @@ class View:
         pseudolidar view synthetic:street
         pseudolidar view KITTI/2011_09_26/2011_09_26_drive_0002_sync
         pseudolidar view out/map.ply out/trajectory.tum
+        pseudolidar view out/mesh.glb
         pseudolidar view out/drive --no-browser --port 9000
         pseudolidar view out/drive --host 0.0.0.0 --named robot.lan
         pseudolidar view training --detector cloud --corridor 2x2x30
@@ -89,7 +90,7 @@ class View:
 
     Args:
         paths: several at once: sources (KITTI data, folders, videos, recordings, synthetic:NAME),
-            folders that a run wrote, files of clouds, trajectories.
+            folders that a run wrote, files of clouds, meshes, trajectories.
         matcher: how disparities are found.
         rows: bring the rows of the right picture to those of the left one before matching: `auto`
             where points that both eyes see show that they differ, `never`.

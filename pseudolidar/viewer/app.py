@@ -9,6 +9,7 @@ from typing import Self
 
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.comparing.joined import joined
+from pseudolidar.viewer.drawn_meshes import DrawnMeshes
 from pseudolidar.viewer.drawn_octrees import DrawnOctrees
 from pseudolidar.viewer.drawn_path import DrawnPath
 from pseudolidar.viewer.live_reel import LiveReel
@@ -58,6 +59,8 @@ class App:
         trees = {s.name: s.tree for s in opened.stills if isinstance(s, StillOctree)}
         self.octrees = DrawnOctrees(server.viser, self.view.stage, trees)
         self.view.on_shown(lambda _: self.octrees.wake())
+        self.meshes = DrawnMeshes(server.viser, self.view.stage)
+        self.view.on_shown(lambda _: self.meshes.redraw())
         self._look_from()
         self.view.set_theme(dark=True)
         self.run = RunPanel(self.view, reel) if isinstance(reel, LiveReel) else None
@@ -67,7 +70,7 @@ class App:
             self.time = TimePanel(self.view)
         if opened.reels:
             self.picture = PicturePanel(self.view, sights)
-        self.points = PointsPanel(self.view, self.octrees)
+        self.points = PointsPanel(self.view, (self.octrees, self.meshes))
         self._add_tabs(opened, sights, means)
         self._ended = threading.Event()
 
@@ -87,7 +90,7 @@ class App:
             names = ["Help", "Scene", "Export"]
         tab = {name: tabs.add_tab(name) for name in names}
         with tab["Scene"]:
-            self.scene = ScenePanel(self.view)
+            self.scene = ScenePanel(self.view, self.meshes)
             self.detail = DetailPanel(self.view, self.octrees)
         if "Tune" in tab:
             assert workshop is not None

@@ -16,6 +16,7 @@ from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring
 from pseudolidar.viewer.octree.chosen import Eye, along, chosen, needs_px, point_sizes_m
 from pseudolidar.viewer.octree.tree import Octree
+from pseudolidar.viewer.placement import inverse_ray
 from pseudolidar.viewer.stage import MAP, STILL_LOOK, Stage
 from pseudolidar.viewer.stills import SHARED_POINTS
 
@@ -99,8 +100,7 @@ class DrawnOctrees:
             direction: (3,) of the line.
         """
         T_scene_map = self._stage.placement.T_scene_map
-        R, t = T_scene_map[:3, :3], T_scene_map[:3, 3]
-        from_m, towards = R.T @ (origin - t), R.T @ direction
+        from_m, towards = inverse_ray(T_scene_map, origin, direction)
         return {
             name: (tree.cloud(along(tree, from_m, towards).tolist()), T_scene_map)
             for name, tree in self._trees.items()

@@ -20,11 +20,13 @@ from pseudolidar.formats.trajectory_file import (
     trajectory_form,
 )
 from pseudolidar.geometry.frames import R_BODY_OPTICAL
+from pseudolidar.running.mapped.mesh_outputs import MESH_NAME
 from pseudolidar.sources.cloud_files import CloudFiles
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.structures.obstacle import Obstacle
 from pseudolidar.viewer.large import MOST_WHOLE, StillClouds
+from pseudolidar.viewer.meshes import is_mesh_file, read_still_mesh
 from pseudolidar.viewer.reel import Reel
 from pseudolidar.viewer.stills import Still, StillOctree, StillPath
 
@@ -98,6 +100,8 @@ class Opening:
             self._open_run(place)
         elif place.is_dir() and (tiles := _tiles(place)):
             self._stills.append(self.clouds.read(self._name(place), tiles))
+        elif place.is_file() and is_mesh_file(place):
+            self._stills.append(read_still_mesh(self._name(place), place))
         elif place.is_file() and is_cloud_file(place):
             self._stills.append(self.clouds.read(self._name(place), [place]))
         elif place.is_file() and _is_path(place):
@@ -132,9 +136,10 @@ class Opening:
 
 
 def _of_run(folder: Path) -> Iterator[Path]:
-    """What is to be looked at of a run's folder: its map and path, or its clouds or recording."""
+    """What is to be looked at of a run's folder: map, mesh, path; or its clouds or recording."""
     maps = [file for file in sorted(folder.glob(f"{MAP_STEM}.*")) if is_cloud_file(file)]
     yield from maps[:1] or ([folder / TILE_FOLDER] if _tiles(folder / TILE_FOLDER) else [])
+    yield from [file for file in sorted(folder.glob(f"{MESH_NAME}.*")) if is_mesh_file(file)][-1:]
     if (folder / PATH_NAME).is_file():
         yield folder / PATH_NAME
     clouds = [folder / name for name in CLOUD_FOLDERS if CloudFiles.looks_like(folder / name)]

@@ -97,6 +97,11 @@ class Placement:
         return moved(self.T_scene_rig, xyz_m)
 
 
+def inverse_ray(T: Float64, origin: Float64, direction: Float64) -> tuple[Float64, Float64]:
+    """A line (3,), (3,) as it is before a (4, 4) pose moves it."""
+    return T[:3, :3].T @ (origin - T[:3, 3]), T[:3, :3].T @ direction
+
+
 def moved(T: Float64, place_m: Float64) -> Float64:
     """(3,) a place through a (4, 4) pose."""
     return np.asarray(T[:3, :3] @ place_m + T[:3, 3])

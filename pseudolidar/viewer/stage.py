@@ -17,7 +17,7 @@ from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring, Scale
 from pseudolidar.viewer.moment import Moment, Sight
 from pseudolidar.viewer.placement import Placement, moved
-from pseudolidar.viewer.stills import Still, StillCloud, StillOctree, middle_m
+from pseudolidar.viewer.stills import Still, StillCloud, StillMesh, StillOctree, StillPath, middle_m
 from pseudolidar.viewer.thinned import thinned
 
 if TYPE_CHECKING:
@@ -46,12 +46,14 @@ class Look:
         point_m: side of a point.
         most_points: of each cloud.
         visible: whether it is drawn.
+        edges: of a mesh draw the edges alone.
     """
 
     colouring: Colouring = Colouring()
     point_m: float = 0.04
     most_points: int = MOST_POINTS
     visible: bool = True
+    edges: bool = False
 
 
 # A map is drawn with more points than a frame, which are thinned to what browsers take.
@@ -99,6 +101,7 @@ class Stage:
             # Who goes through the clouds in another thread goes on with those it began with.
             self._stills = {**self._stills, still.name: still.cloud}
             self._put_cloud(still.name)
+        if not isinstance(still, StillPath):
             return
         places = (still.places_m - self.placement.origin_m).astype(np.float32)
         if len(places) > 1:
@@ -125,6 +128,7 @@ class Stage:
     def extent_m(self) -> tuple[Float64, float] | None:
         """(3,) middle of what lies still, in the scene, and how large it is; None without."""
         clouds = [cloud.xyz for cloud in self._stills.values() if len(cloud)]
+        clouds += [one.mesh.vertices for one in self.every_still if isinstance(one, StillMesh)]
         if not clouds:
             return None
         low, high = (np.quantile(np.concatenate(clouds), share, axis=0) for share in (0.02, 0.98))

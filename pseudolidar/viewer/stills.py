@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.geometry.path_length import length_m
-from pseudolidar.structures.arrays import Float64
+from pseudolidar.structures.arrays import AnyArray, Float64
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.structures.mesh import Mesh
 from pseudolidar.viewer.octree.tree import Octree
 
 # Of a large cloud every browser draws the coarsest points, wherever it looks.
@@ -78,14 +79,44 @@ class StillOctree:
         return StillCloud(self.name, self.tree.cloud(self.tree.coarsest(most).tolist()))
 
 
-Still = StillCloud | StillPath | StillOctree
+@dataclass(frozen=True, eq=False)
+class StillMesh:
+    """A surface.
+
+    Args:
+        name: of the file.
+        mesh: x forward, y left, z up; at least one triangle.
+    """
+
+    name: str
+    mesh: Mesh
+
+    @property
+    def amount(self) -> str:
+        """How much there is of it, in words."""
+        return f"{len(self.mesh):,} triangles"
+
+    @property
+    def points(self) -> PointCloud:
+        """Its vertices."""
+        return PointCloud(self.mesh.vertices, self.mesh.frame, rgb=self.mesh.rgb)
+
+
+Still = StillCloud | StillPath | StillOctree | StillMesh
 
 
 def middle_m(still: Still) -> Float64:
     """(3,) a place in it, for all numbers on the wire to be relative to."""
     if isinstance(still, StillOctree):
         still = still.coarse()
-    places = still.cloud.xyz if isinstance(still, StillCloud) else still.places_m
+    places = places_of(still)
     if not len(places):
         return np.zeros(3)
     return np.asarray(np.median(places, axis=0), np.float64)
+
+
+def places_of(still: StillCloud | StillPath | StillMesh) -> AnyArray:
+    """(N, 3) points, poses or vertices."""
+    if isinstance(still, StillMesh):
+        return still.mesh.vertices
+    return still.cloud.xyz if isinstance(still, StillCloud) else still.places_m

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pseudolidar.errors import MeshIndex
+from pseudolidar.errors import MeshIndex, PointFileCorrupt
 from pseudolidar.structures.arrays import AnyArray
 
 
@@ -17,6 +17,18 @@ def fans(faces: Sequence[AnyArray]) -> AnyArray:
         for corner in range(1, group.shape[1] - 1):
             triangles.append(group[:, [0, corner, corner + 1]].astype(np.int32))
     return np.concatenate(triangles)
+
+
+def check_places(vertices: AnyArray) -> None:
+    """Raise `PointFileCorrupt` where a vertex (V, 3) is nowhere."""
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    if bad.size:
+        raise PointFileCorrupt(
+            f"{bad.size} vertices that are not finite",
+            want="metres",
+            fix="Make the mesh again, or save its points alone.",
+            where=f"vertex {bad[0]}",
+        )
 
 
 def check_numbers(numbers: AnyArray, vertices: int) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from pseudolidar import __version__
 from pseudolidar.formats.atomic import write_atomic
-from pseudolidar.structures.arrays import AnyArray, UInt8
+from pseudolidar.structures.arrays import AnyArray, Float32, Float64, UInt8
 from pseudolidar.structures.mesh import Mesh
 
 MAGIC, VERSION, JSON_CHUNK, BIN_CHUNK = b"glTF", 2, b"JSON", b"BIN\0"
@@ -35,11 +35,15 @@ def write_glb(path: Path, mesh: Mesh) -> None:
     write_atomic(path, encode_glb(mesh))
 
 
-def encode_glb(mesh: Mesh) -> bytes:
+def encode_glb(mesh: Mesh, *, light: Float32 | None = None) -> bytes:
     """The bytes of a GLB: one mesh, one primitive, unlit, for photos have their light in them.
 
     Positions are single precision about the middle of the mesh, which the node moves back: a map
     in geo-referenced coordinates keeps its millimetres.
+
+    Args:
+        mesh: the surface.
+        light: (V, 3) linear light of its vertices in place of `rgb`, of any brightness.
     """
     vertices = mesh.vertices.astype(np.float64)
     middle = (vertices.min(0) + vertices.max(0)) / 2 if len(vertices) else np.zeros(3)
@@ -47,8 +51,10 @@ def encode_glb(mesh: Mesh) -> bytes:
     attributes = {"POSITION": body.add((vertices - middle).astype("<f4"), "VEC3", FLOAT)}
     if mesh.normals is not None:
         attributes["NORMAL"] = body.add(mesh.normals.astype("<f4"), "VEC3", FLOAT)
-    if mesh.rgb is not None:
-        attributes["COLOR_0"] = body.add(_linear(mesh.rgb), "VEC4", UNSIGNED_SHORT)
+    if light is not None:
+        attributes["COLOR_0"] = body.add(light.astype("<f4"), "VEC3", FLOAT)
+    elif mesh.rgb is not None:
+        attributes["COLOR_0"] = body.add(_opaque(mesh.rgb), "VEC4", UNSIGNED_SHORT)
     indices = body.add(mesh.triangles.astype("<u4").ravel(), "SCALAR", UNSIGNED_INT)
     primitive = {"attributes": attributes, "indices": indices, "mode": TRIANGLES, "material": 0}
     document = {
@@ -112,12 +118,17 @@ class _Body:
         return len(self.accessors) - 1
 
 
-def _linear(rgb: UInt8) -> AnyArray:
-    """(V, 4) colours of linear light in 16 bits, as glTF wants them; sRGB by IEC 61966-2-1."""
+def linear_light(rgb: UInt8) -> Float64:
+    """Light, 0 to 1, of colours in sRGB, by IEC 61966-2-1; of the same shape."""
     share = np.arange(256) / 255.0
     table = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return np.asarray(table[rgb])
+
+
+def _opaque(rgb: UInt8) -> AnyArray:
+    """(V, 4) colours of linear light in 16 bits, as glTF wants them."""
     full = np.full((len(rgb), 4), 65535, "<u2")
-    full[:, :3] = np.rint(65535 * table).astype("<u2")[rgb]
+    full[:, :3] = np.rint(65535 * linear_light(rgb)).astype("<u2")
     return full
 
 

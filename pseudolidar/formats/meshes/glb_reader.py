@@ -19,7 +19,7 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
 from pseudolidar.formats.meshes import glb
-from pseudolidar.formats.meshes.faces import check_numbers
+from pseudolidar.formats.meshes.faces import check_numbers, check_places
 from pseudolidar.formats.points.columns import UNKNOWN_FRAME
 from pseudolidar.formats.points.point_file import check_point_limit, read_point_bytes
 from pseudolidar.geometry.quaternion import rotation_of
@@ -187,8 +187,7 @@ def _joined(pieces: list[tuple[Float64, AnyArray, UInt8 | None]], frame: str) ->
     starts = np.cumsum([0] + [len(piece[0]) for piece in pieces[:-1]])
     triangles = [p[1] + start for p, start in zip(pieces, starts, strict=True)]
     colours = [p[2] for p in pieces if p[2] is not None]
-    if not np.isfinite(vertices).all():
-        raise PointFileCorrupt("vertices that are not finite", want="metres")
+    check_places(vertices)
     return Mesh(
         vertices if np.abs(vertices).max() > 1e4 else vertices.astype(np.float32),
         np.concatenate(triangles).astype(np.int32),

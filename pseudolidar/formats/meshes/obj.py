@@ -14,7 +14,7 @@ from pseudolidar.errors import (
 )
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.meshes.faces import check_numbers, fans
+from pseudolidar.formats.meshes.faces import check_numbers, check_places, fans
 from pseudolidar.formats.points.ascii_table import encode_table
 from pseudolidar.formats.points.columns import UNKNOWN_FRAME
 from pseudolidar.formats.points.point_file import check_point_limit, read_point_bytes
@@ -120,8 +120,7 @@ def _vertices(rows: list[list[float]]) -> tuple[AnyArray, AnyArray | None]:
         )
     table = np.array(rows)
     vertices = table[:, :3]
-    if not np.isfinite(table).all():
-        raise PointFileCorrupt("vertices that are not finite", want="metres")
+    check_places(table)
     rgb = None
     if table.shape[1] == 6:
         rgb = np.rint(255 * np.clip(table[:, 3:], 0, 1)).astype(np.uint8)

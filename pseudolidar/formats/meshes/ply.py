@@ -9,7 +9,7 @@ import numpy as np
 from pseudolidar.errors import PointFileCorrupt, PseudolidarError
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.limits import DEFAULT_LIMITS, Limits
-from pseudolidar.formats.meshes.faces import fans
+from pseudolidar.formats.meshes.faces import check_places, fans
 from pseudolidar.formats.points.ply import decode_ply, encode_ply, ply_header
 from pseudolidar.formats.points.ply_header import PlyElement, PlyHeader
 from pseudolidar.formats.points.point_file import read_point_bytes
@@ -63,6 +63,7 @@ def decode_ply_mesh(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> Mesh:
     header = ply_header(data)
     if not any(e.name == "face" and e.count for e in header.elements):
         raise PointFileCorrupt("no face", want="a mesh", fix="Read it as a cloud: it is points.")
+    check_places(cloud.xyz)
     lists = _ascii_lists(data, header) if header.encoding == "ascii" else _lists(data, header)
     axes = [cloud.extra.get(name) for name in ("nx", "ny", "nz")]
     known = [axis.astype(np.float32) for axis in axes if axis is not None]

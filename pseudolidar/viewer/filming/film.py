@@ -21,7 +21,7 @@ from pseudolidar.viewer.filming.shot import Shot
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.stage import Look
-from pseudolidar.viewer.stills import Still, StillCloud, StillOctree, StillPath, middle_m
+from pseudolidar.viewer.stills import Still, StillCloud, StillMesh, StillOctree, StillPath, middle_m
 
 FILM_PX, PICTURE_PX = (1280, 720), (1920, 1080)
 # Side of a point, as a share of the distance to its neighbours.
@@ -119,7 +119,7 @@ def _eyes(
     cloud: PointCloud, stills: tuple[Still, ...], origin: Float64, size_px: tuple[int, int]
 ) -> list[Eye]:
     """Along the first path, where there is anything beside paths; else round everything."""
-    if any(isinstance(still, StillCloud | StillOctree) for still in stills):
+    if any(isinstance(still, StillCloud | StillOctree | StillMesh) for still in stills):
         for path in stills:
             if isinstance(path, StillPath) and path.length_m > 0:
                 return [sized(eye, size_px) for eye in along(path.places_m - origin)]

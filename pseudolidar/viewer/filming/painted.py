@@ -7,16 +7,20 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pseudolidar.errors import CloudEmpty
+from pseudolidar.geometry.mesh_surface import spread_over
 from pseudolidar.geometry.path_length import travelled_m
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring, ways
+from pseudolidar.viewer.meshes import surface_colours
 from pseudolidar.viewer.stage import PATH_COLOUR, Look
-from pseudolidar.viewer.stills import Still, StillCloud, StillOctree, StillPath
+from pseudolidar.viewer.stills import Still, StillCloud, StillMesh, StillOctree, StillPath
 from pseudolidar.viewer.thinned import thinned
 
 # Of one cloud, in a film: more do not show at its size.
 MOST_POINTS = 3_000_000
+# A mesh is drawn as so many points.
+SURFACE_POINTS = 1_000_000
 # A path is drawn as points so near to one another, m, and at most so many.
 STEP_M, MOST_STEPS = 0.04, 200_000
 
@@ -65,7 +69,16 @@ class Painter:
             still = still.coarse(MOST_POINTS)
         if isinstance(still, StillCloud):
             return self.cloud(still.name, still.cloud)
-        return self.path(still)
+        return self.path(still) if isinstance(still, StillPath) else self.mesh(still)
+
+    def mesh(self, still: StillMesh) -> PointCloud:
+        """A surface as points that cover it."""
+        mesh, points = still.mesh, still.points
+        shown = surface_colours(mesh, points, self._colouring(still.name, points))
+        corners, weights = spread_over(mesh, SURFACE_POINTS)
+        xyz = np.einsum("nc,nci->ni", weights, mesh.vertices[corners] - self._origin_m)
+        rgb = np.einsum("nc,nci->ni", weights, shown[corners])
+        return PointCloud(xyz.astype(np.float32), "film", rgb=np.rint(rgb).astype(np.uint8))
 
     def _colouring(self, name: str, cloud: PointCloud) -> Colouring:
         if name not in self._colourings:

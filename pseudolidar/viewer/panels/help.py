@@ -32,6 +32,7 @@ EXAMPLES = {
     "pseudolidar view left.mp4": "a video, with right.mp4 beside it",
     "pseudolidar view out": "what a command wrote",
     "pseudolidar view out/map.ply out/trajectory.tum": "a map and the path through it",
+    "pseudolidar view out/mesh.ply": "the surface that map --mesh makes",
 }
 # One click marks the line, and copies it where the browser lets a page do so.
 LINE = """<div style="margin:4px 12px"><code title="click to copy" style="user-select:all;

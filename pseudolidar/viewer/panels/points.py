@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.viewer.drawn_octrees import DrawnOctrees
+from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.panels.time import escaped
 from pseudolidar.viewer.picking import Picked, picked
 from pseudolidar.viewer.placement import moved
 from pseudolidar.viewer.view import View
+
+
+class Pickable(Protocol):
+    """What is drawn besides the clouds of the stage."""
+
+    def pickable(
+        self, origin: Float64, direction: Float64
+    ) -> Mapping[str, tuple[PointCloud, Float64]]:
+        """What may lie on a line of sight of the scene, by name, as `Stage.pickable` has it."""
+
 
 HINT = "*Click a point in the scene; a second one tells the distance.*"
 
@@ -22,11 +33,11 @@ class PointsPanel:
 
     Args:
         view: what is looked at.
-        octrees: large clouds in it.
+        others: large clouds and meshes in it.
     """
 
-    def __init__(self, view: View, octrees: DrawnOctrees) -> None:
-        self._view, self._octrees = view, octrees
+    def __init__(self, view: View, others: Sequence[Pickable]) -> None:
+        self._view, self._others = view, others
         self._last: tuple[Picked, Float64] | None = None
         self._text = view.gui.add_markdown(HINT)
         view.server.viser.scene.on_click()(self._clicked)
@@ -41,7 +52,9 @@ class PointsPanel:
     def click(self, origin: Float64, direction: Float64) -> None:
         """Tell the point on a line of sight (3,), (3,) of the scene."""
         stage = self._view.stage
-        clouds = {**stage.pickable(), **self._octrees.pickable(origin, direction)}
+        clouds = dict(stage.pickable())
+        for drawn in self._others:
+            clouds |= drawn.pickable(origin, direction)
         found = picked(clouds, origin, direction)
         if found is None:
             self._text.content = "nothing there"

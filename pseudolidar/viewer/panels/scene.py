@@ -1,4 +1,4 @@
-"""Which clouds are drawn, what their colours mean, how large their points are."""
+"""Which clouds and meshes are drawn, what their colours mean, how large their points are."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring, ways
 from pseudolidar.viewer.controls import set_value
+from pseudolidar.viewer.drawn_meshes import DrawnMeshes
 from pseudolidar.viewer.moment import VELODYNE, Moment
 from pseudolidar.viewer.stage import Look
 from pseudolidar.viewer.view import View
@@ -26,18 +27,23 @@ class ScenePanel:
 
     Args:
         view: what is looked at.
+        meshes: that lie in it.
     """
 
-    def __init__(self, view: View) -> None:
+    def __init__(self, view: View, meshes: DrawnMeshes) -> None:
         self._view = view
-        self._folders: dict[str, CloudControls] = {}
+        self._folders: dict[str, ColourControls] = {}
         gui, scene = view.gui, view.server.viser.scene
         view.stage.looks.setdefault(VELODYNE, SCAN_LOOK)
         self._grid = scene.add_grid(
             "/map/grid", infinite_grid=True, cell_size=1.0, section_size=10.0,
             fade_distance=GROUND_FADES_M, visible=False,
         )  # fmt: skip
-        self._clouds = gui.add_folder("Clouds")
+        self._clouds = gui.add_folder("Clouds", visible=False)
+        if meshes.points:
+            with gui.add_folder("Meshes"):
+                for name, points in meshes.points.items():
+                    self._add_mesh(name, points)
         with gui.add_folder("Scene", expand_by_default=False):
             follow = gui.add_checkbox("Follow the rig", initial_value=True)
             axes = gui.add_checkbox("Axes", initial_value=True)
@@ -62,24 +68,38 @@ class ScenePanel:
         for name in moment.clouds:
             if name not in self._folders:
                 self._add(name, moment.clouds[name], judged=name in moment.makings)
-            self._folders[name].show()
         for name, cloud in self._view.stage.stills.items():
             if name not in self._folders:  # laid down meanwhile
                 self._add(name, cloud)
-                self._folders[name].show()
+        for controls in self._folders.values():
+            controls.show()
 
     def _add(self, name: str, cloud: PointCloud, *, judged: bool = False) -> None:
-        with self._clouds:
-            self._folders[name] = CloudControls(self._view, name, cloud, judged=judged)
+        gui, look = self._view.gui, self._view.stage.look(name)
+        self._clouds.visible = True
+        with self._clouds, gui.add_folder(name):
+            controls = self._folders[name] = ColourControls(self._view, name, cloud, judged=judged)
+            size = gui.add_slider(
+                "Point, m", min=0.005, max=0.3, step=0.005, initial_value=look.point_m
+            )
+        size.on_update(lambda _: controls.set(point_m=size.value))
+
+    def _add_mesh(self, name: str, points: PointCloud) -> None:
+        gui, look = self._view.gui, self._view.stage.look(name)
+        with gui.add_folder(name):
+            controls = self._folders[name] = ColourControls(self._view, name, points)
+            edges = gui.add_checkbox("Wireframe", initial_value=look.edges)
+        controls.show()
+        edges.on_update(lambda _: controls.set(edges=edges.value))
 
 
-class CloudControls:
-    """How one cloud looks.
+class ColourControls:
+    """Whether a thing is drawn, and what its colours mean.
 
     Args:
         view: what is looked at.
-        name: of the cloud.
-        cloud: says what its colours can mean.
+        name: of the cloud or mesh.
+        cloud: its points, which say what colours can mean.
         judged: whether its errors can be told, when they are asked for.
     """
 
@@ -88,26 +108,22 @@ class CloudControls:
         gui, look = view.gui, view.stage.look(name)
         possible = ways(cloud, judged=judged)
         chosen = look.colouring.by if look.colouring.by in possible else possible[-1]
-        with gui.add_folder(name):
-            self._visible = gui.add_checkbox("Shown", initial_value=look.visible)
-            self._by = gui.add_dropdown("Colour", possible, initial_value=chosen)
-            self._bar = gui.add_image(np.zeros((14, 256, 3), np.uint8), visible=False)
-            self._ends = gui.add_vector2("Blue, red", (0.0, 1.0), step=0.01, visible=False)
-            self._size = gui.add_slider(
-                "Point, m", min=0.005, max=0.3, step=0.005, initial_value=look.point_m
-            )
-        self._visible.on_update(lambda _: self._set(visible=self._visible.value))
-        self._size.on_update(lambda _: self._set(point_m=self._size.value))
+        self._visible = gui.add_checkbox("Shown", initial_value=look.visible)
+        self._by = gui.add_dropdown("Colour", possible, initial_value=chosen)
+        self._bar = gui.add_image(np.zeros((14, 256, 3), np.uint8), visible=False)
+        self._ends = gui.add_vector2("Blue, red", (0.0, 1.0), step=0.01, visible=False)
+        self._visible.on_update(lambda _: self.set(visible=self._visible.value))
         self._by.on_update(lambda _: self._set_colouring())
         self._ends.on_update(lambda _: self._set_ends())
 
     def _set_colouring(self) -> None:
         colouring = self._view.stage.look(self._name).colouring
-        self._set(colouring=replace(colouring, by=self._by.value, low=None, high=None))
+        self.set(colouring=replace(colouring, by=self._by.value, low=None, high=None))
         looks = tuple(self._view.stage.looks.values())
         self._view.judge(wanted=any(look.colouring.by == "error" for look in looks))
 
-    def _set(self, **changes: Any) -> None:
+    def set(self, **changes: Any) -> None:
+        """Change the look."""
         stage = self._view.stage
         stage.looks[self._name] = replace(stage.look(self._name), **changes)
         self._view.redraw()
@@ -116,7 +132,7 @@ class CloudControls:
         low, high = self._ends.value
         colouring = self._view.stage.look(self._name).colouring
         if high > low and (low, high) != (colouring.low, colouring.high):
-            self._set(colouring=replace(colouring, low=low, high=high))
+            self.set(colouring=replace(colouring, low=low, high=high))
 
     def show(self) -> None:
         """Draw the bar of the colours that are shown."""
