@@ -177,7 +177,10 @@ def test_what_is_sent_is_small_numbers_and_is_changed_in_place(app: App):
     look(app, colouring=Colouring("height"))
     assert app.meshes._surfaces["mesh.ply"] is surface
     assert surface.glb_data != before
-    assert app.view.stage.scale("mesh.ply") is not None
+    controls = app.scene._folders["mesh.ply"]
+    controls.show()
+    assert controls._bar.visible
+    assert controls._ends.value == (100.0, 101.0)
     look(app, edges=True)
     assert not surface.visible
     assert app.meshes._edges["mesh.ply"].visible

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pseudolidar.structures.cloud import PointCloud
-from pseudolidar.viewer.colouring import Colouring, ways
+from pseudolidar.viewer.colouring import Colouring, Scale, ways
 from pseudolidar.viewer.controls import set_value
 from pseudolidar.viewer.drawn_meshes import DrawnMeshes
 from pseudolidar.viewer.moment import VELODYNE, Moment
@@ -105,6 +105,7 @@ class ColourControls:
 
     def __init__(self, view: View, name: str, cloud: PointCloud, *, judged: bool = False) -> None:
         self._view, self._name = view, name
+        self._told: Scale | None = None
         gui, look = view.gui, view.stage.look(name)
         possible = ways(cloud, judged=judged)
         chosen = look.colouring.by if look.colouring.by in possible else possible[-1]
@@ -130,19 +131,23 @@ class ColourControls:
 
     def _set_ends(self) -> None:
         low, high = self._ends.value
-        colouring = self._view.stage.look(self._name).colouring
-        if high > low and (low, high) != (colouring.low, colouring.high):
+        shown = self._view.stage.scale(self._name)
+        if high > low and (shown is None or (low, high) != _rounded(shown)):
+            colouring = self._view.stage.look(self._name).colouring
             self.set(colouring=replace(colouring, low=low, high=high))
 
     def show(self) -> None:
         """Draw the bar of the colours that are shown."""
         scale = self._view.stage.scale(self._name)
         self._bar.visible = self._ends.visible = scale is not None
-        if scale is None:
-            return
-        ends = (round(scale.low, 3), round(scale.high, 3))
-        if self._ends.value != ends:
-            set_value(self._ends, ends)
+        if scale is not None and scale != self._told:
+            self._told = scale
+            set_value(self._ends, _rounded(scale))
             self._bar.image = scale.picture()
             unit = f", {scale.unit}" if scale.unit else ""
             self._ends.label = f"{SIGNED_ENDS if scale.signed else ENDS}{unit}"
+
+
+def _rounded(scale: Scale) -> tuple[float, float]:
+    """Both ends as the page shows them."""
+    return round(scale.low, 3), round(scale.high, 3)
