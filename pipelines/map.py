@@ -28,6 +28,7 @@ from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, R
 from pseudolidar.running.folder import check_usable
 from pseudolidar.running.mapped.build import FRAME_FOLDER, MapSettings, built
 from pseudolidar.running.mapped.checkpoints import Checkpoints
+from pseudolidar.running.mapped.frame_table import FRAME_TABLE, write_frame_table
 from pseudolidar.running.mapped.glimpse import Glimpse
 from pseudolidar.running.mapped.map_files import TILE_FOLDER, WHOLE_NAME, Made, write_map
 from pseudolidar.running.mapped.map_outputs import MapOutputs
@@ -37,7 +38,8 @@ from pseudolidar.running.mapped.occupancy_outputs import OCCUPANCY_FILES, write_
 from pseudolidar.running.mapped.odometry_film import ODOMETRY_FILM, OdometryFilm
 from pseudolidar.running.mapped.stored import PLACES_FILE, WORK_FOLDER, MatchOnce
 from pseudolidar.running.mapped.trajectory_files import KITTI_NAME, TUM_NAME, write_trajectories
-from pseudolidar.running.mapped.walk import Piece, Walk
+from pseudolidar.running.mapped.walk import Walk
+from pseudolidar.running.mapped.walked import Piece, Walked
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.networks import networks_of
@@ -76,10 +78,11 @@ class Map:
     """Chain the pairs of SOURCE into a path and a map, and write both to OUT.
 
     Stereo visual odometry finds how the cameras moved; KISS-ICP's map and the pictures check every
-    step. Frames in which too little is seen are lost, and said to be: nothing is made up. Where the
-    source knows its poses (KITTI, synthetic:street), the path is compared with them. Killed and
-    started again, a run does not match again what it has matched, and goes on along the path from
-    at most 50 frames ago, or a 20th of them.
+    step. Frames of which nothing is seen are put between those beside them, marked, and in no map;
+    where they are more than five in a row the path ends, and another one begins. Where the source
+    knows its poses (KITTI, synthetic:street), the path is compared with them. Killed and started
+    again, a run does not match again what it has matched, and goes on along the path from at most
+    50 frames ago, or a 20th of them.
 
         pseudolidar map synthetic:street:40 out/street
         pseudolidar map synthetic:street:40 out/street --view
@@ -206,7 +209,7 @@ class Map:
         film = (ODOMETRY_FILM,) if self.debug_video else ()
         meshes = self.mesh_to.files if self.mesh else ()
         robots = OCCUPANCY_FILES if self.occupancy else ()
-        return (TUM_NAME, KITTI_NAME, RIG_NAME, *maps, *meshes, *robots, *film)
+        return (TUM_NAME, KITTI_NAME, FRAME_TABLE, RIG_NAME, *maps, *meshes, *robots, *film)
 
     @property
     def folders(self) -> tuple[str, ...]:
@@ -249,13 +252,13 @@ def run(job: Map) -> MapReport | Rehearsal:
             if film is not None:
                 film.add(matched, registered, walk.placed[0].id)
             if onlooker is not None:
-                T = registered.state.T_odom_camera
+                T = registered.state.T_odom_camera if registered.state.measured else None
                 onlooker.show(frame.index, Glimpse(matched.frame, matched.disparity, T))
             walk = checkpoints.after(walk)
         seconds = time.monotonic() - begun_s
         walked = walk.walked()
         rig = source.rig.with_correction(walk.correction or source.rig.correction)
-        files = path_files(job, walk, walked.pieces, rig)
+        files = path_files(job, walk, walked, rig)
         if film is not None:
             files = (*files, film.finish(run, source))
         made = mapped(job, source, walked.pieces, rig, recording)
@@ -267,7 +270,7 @@ def run(job: Map) -> MapReport | Rehearsal:
     steps = len(walk.placed) - len(passed)
     pace_s, errors = seconds / steps if steps else None, errors_of(walked.pieces)
     files, told = (*files, *made.files), run.result()
-    report = MapReport(told, job.out, walk.placed, walked, errors, pace_s, files, made.figures)
+    report = MapReport(told, job.out, walked, errors, pace_s, files, made.figures)
     return write_map_page(report, source, shown=made.shown, settings=chosen(job))
 
 
@@ -296,9 +299,10 @@ def onlooking() -> Callable[[Glimpse], Moment]:
     return lambda glimpse: Moment.of(glimpse.converted(reproject))
 
 
-def path_files(job: Map, walk: Walk, pieces: Sequence[Piece], rig: StereoRig) -> tuple[Path, ...]:
-    """Write the path, and the rig with what its motion told of it."""
-    files = write_trajectories(job.out, pieces, rig)
+def path_files(job: Map, walk: Walk, walked: Walked, rig: StereoRig) -> tuple[Path, ...]:
+    """Write the path, how each pose came about, and the rig with what its motion told of it."""
+    files = write_trajectories(job.out, walked.pieces, rig)
+    files = (*files, write_frame_table(job.out, walked))
     if walk.correction is None:
         return files
     write_rig(job.out / RIG_NAME, rig)

@@ -320,6 +320,12 @@ class SequenceTime(PseudolidarError):
     advice = "Mend the times, or pass --source.synthetic-times where the source has it."
 
 
+class OdometryLost(PseudolidarError):
+    """So many frames in a row tell nothing of their motion that the path ends before them."""
+
+    advice = "Leave those frames out with --exclude, or see what report.html says of each."
+
+
 class SourceUnknown(PseudolidarError):
     """What a path is could not be recognised."""
 

@@ -113,12 +113,29 @@ def read_tum_trajectory(
     return tuple(times), poses
 
 
-def write_tum_trajectory(path: Path, times_ns: Sequence[int], T_world_camera: Float64) -> None:
-    """Write (N, 4, 4) poses as a trajectory, times exact, numbers with all digits."""
-    rows = []
+def write_tum_trajectory(
+    path: Path,
+    times_ns: Sequence[int],
+    T_world_camera: Float64,
+    *,
+    comments: Sequence[str] = (),
+) -> None:
+    """Write (N, 4, 4) poses as a trajectory, times exact, numbers with all digits.
+
+    Args:
+        path: of the file.
+        times_ns: of the poses.
+        T_world_camera: them.
+        comments: lines for people, before the poses.
+    """
+    rows = [f"# {comment}" for comment in comments]
     for time_ns, T in zip(times_ns, T_world_camera, strict=True):
         w, x, y, z = quaternion_wxyz(T[:3, :3])
         numbers = (*T[:3, 3], x, y, z, w)
-        stamp = f"{time_ns // NS_PER_S}.{time_ns % NS_PER_S:09d}"
-        rows.append(" ".join([stamp, *(repr(float(n)) for n in numbers)]))
+        rows.append(" ".join([tum_time(time_ns), *(repr(float(n)) for n in numbers)]))
     write_atomic(path, "".join(f"{row}\n" for row in rows).encode())
+
+
+def tum_time(time_ns: int) -> str:
+    """Seconds, to the nanosecond."""
+    return f"{time_ns // NS_PER_S}.{time_ns % NS_PER_S:09d}"

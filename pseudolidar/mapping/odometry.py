@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
+from pseudolidar.mapping.extrapolating import ExtrapolatingChain
 from pseudolidar.mapping.registered import Registered
 from pseudolidar.mapping.scan_odometry import ScanOdometry
 from pseudolidar.mapping.visual_odometry import VisualChain, VisualOdometry
@@ -15,10 +16,6 @@ from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.pose import Trajectory
-
-if TYPE_CHECKING:
-    from pseudolidar.mapping.fused_chain import FusedChain
-    from pseudolidar.mapping.kiss_chain import KissChain
 
 
 @dataclass(frozen=True)
@@ -31,9 +28,9 @@ class Vision:
 
     visual: VisualOdometry = field(default_factory=VisualOdometry)
 
-    def start(self, rig: StereoRig) -> VisionChain:
+    def start(self, rig: StereoRig) -> ExtrapolatingChain:
         """Begin with the first frame to come."""
-        return VisionChain(self.visual.start(rig))
+        return ExtrapolatingChain(VisionChain(self.visual.start(rig)), reach=self.visual.reach)
 
 
 @dataclass(frozen=True)
@@ -46,7 +43,7 @@ class Kiss:
 
     scans: ScanOdometry = field(default_factory=ScanOdometry)
 
-    def start(self, rig: StereoRig) -> KissChain:
+    def start(self, rig: StereoRig) -> ExtrapolatingChain:
         """Begin with the first frame to come.
 
         Raises:
@@ -54,7 +51,7 @@ class Kiss:
         """
         from pseudolidar.mapping.kiss_chain import KissChain
 
-        return KissChain(self.scans.start(), rig)
+        return ExtrapolatingChain(KissChain(self.scans.start(), rig), reach=self.scans.reach)
 
 
 @dataclass(frozen=True)
@@ -69,7 +66,7 @@ class Fused:
 
     visual: VisualOdometry = field(default_factory=VisualOdometry)
 
-    def start(self, rig: StereoRig) -> FusedChain:
+    def start(self, rig: StereoRig) -> ExtrapolatingChain:
         """Begin with the first frame to come.
 
         Raises:
@@ -77,14 +74,15 @@ class Fused:
         """
         from pseudolidar.mapping.fused_chain import FusedChain
 
-        return FusedChain(self.visual.start(rig), rig)
+        chain = FusedChain(self.visual.start(rig), rig)
+        return ExtrapolatingChain(chain, reach=self.visual.reach)
 
 
 Odometry: TypeAlias = Vision | Kiss | Fused
 
 
 class VisionChain:
-    """Vision as `Registered` has it.
+    """Vision alone as `Registered` has it.
 
     Args:
         visual: begun.

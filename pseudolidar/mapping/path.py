@@ -132,6 +132,17 @@ class Path:
         return stacked([time_ns for time_ns, _, _ in self._frames], poses, covariances)
 
 
+def step_doubt(before: Float64, now: Float64, T_from_to: Float64) -> Float64:
+    """(6, 6) what a step (4, 4) added to the doubt of poses, from one (6, 6) to another.
+
+    What they share may cancel: then nothing is left, and no negative variance.
+    """
+    back = adjoint(inverted(T_from_to))
+    added = now - back @ before @ back.T
+    values, vectors = np.linalg.eigh(0.5 * (added + added.T))
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
+
+
 def stacked(
     timestamps_ns: Sequence[int],
     poses: Sequence[Float64],

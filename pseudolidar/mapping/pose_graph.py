@@ -21,6 +21,7 @@ import numpy as np
 from pseudolidar.errors import PoseMissing
 from pseudolidar.geometry.open3d_library import load_open3d
 from pseudolidar.geometry.twists import adjoint, exp_twist, inverted, log_twist
+from pseudolidar.mapping.path import step_doubt
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.loop import ClosedPath, LoopClosure, LoopEnd
 from pseudolidar.structures.pose import Trajectory
@@ -120,9 +121,8 @@ class Chain:
             doubt[3:] = LEAST_RAD**2 + UNKNOWN_RAD**2 * way_m
             steps[i] = np.diag(doubt)
             if trajectory.covariance is not None:
-                back = adjoint(inverted(step))
                 before, now = trajectory.covariance[i - 1 : i + 1]
-                steps[i] += _positive(now - back @ before @ back.T)
+                steps[i] += step_doubt(before, now, step)
         return cls(trajectory, steps)
 
     def place(self, end: LoopEnd) -> int:
@@ -167,12 +167,6 @@ class Chain:
         if last > first:
             bent[-1] = T_last
         return bent
-
-
-def _positive(covariance: Float64) -> Float64:
-    """The nearest one without negative variances."""
-    values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
-    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
 def _maps(pieces: int, loops: Sequence[LoopClosure]) -> tuple[int, ...]:

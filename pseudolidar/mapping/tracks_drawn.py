@@ -22,8 +22,8 @@ RADIUS_PX, TEXT_HEIGHT_PX, MARGIN_PX = 2, 16, 6
 def tracks_drawn(frame: StereoFrame, state: OdometryState) -> UInt8:
     """(H, W, 3) RGB: each point with its way since the keyframe, and the frame's state in words.
 
-    A frame that is lost has no points, and its picture a frame in the colour of those that do not
-    agree.
+    A frame of which nothing was measured has no points, and its picture a frame in the colour of
+    those that do not agree.
 
     Args:
         frame: the one that `state` is of.
@@ -39,7 +39,7 @@ def tracks_drawn(frame: StereoFrame, state: OdometryState) -> UInt8:
                 state.tracks.uv_to[which],
                 state.weights[which],
             )
-    if state.status == "lost":
+    if not state.measured:
         _frame(picture)
     _write(picture, words_of(state))
     return picture
@@ -47,8 +47,8 @@ def tracks_drawn(frame: StereoFrame, state: OdometryState) -> UInt8:
 
 def words_of(state: OdometryState) -> str:
     """The state of a frame in a line."""
-    if state.status == "lost":
-        return f"lost: {state.why}"
+    if not state.measured:
+        return f"{state.status}: {state.why}"
     if state.status == "first":
         return f"first of piece {state.piece}"
     assert state.step is not None  # of every frame that is neither

@@ -7,13 +7,14 @@ from typing import Literal
 
 import numpy as np
 
-from pseudolidar.errors import StructureError
+from pseudolidar.errors import OdometryLost, StructureError
 from pseudolidar.structures.arrays import Float64, check_array
 from pseudolidar.structures.point_tracks import PointTracks
 from pseudolidar.structures.pose import Pose
 
-# `first` of a piece of path, `ok`, or `lost`: nobody knows how it moved.
-OdometryStatus = Literal["first", "ok", "lost"]
+# `first` of a piece of path, `ok`, `extrapolated`: where it would be if it went on as before, or
+# `lost`: nobody knows where.
+OdometryStatus = Literal["first", "ok", "extrapolated", "lost"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,13 +68,15 @@ class OdometryState:
     """What odometry tells of one frame.
 
     Args:
-        status: `first` of a piece, `ok`, or `lost`.
+        status: `first` of a piece, `ok`, `extrapolated` or `lost`.
         T_odom_camera: pose of the left camera; `odom` is the left camera of the piece's first
-            frame. None where it is lost: nothing is made up.
-        step: from the last frame that was not lost; None at the first of a piece and where lost.
+            frame. None where it is lost. Where it is extrapolated nothing was measured: it holds
+            until a later frame says better, and no map or loop may rest on it.
+        step: from the last frame that was measured; None at the first of a piece, and where
+            nothing was.
         covariance: (6, 6) float64 of a twist on the right of `T_odom_camera`, order as in
-            `CameraStep`: what all steps since the piece began add up to; zero at its first frame,
-            None where lost.
+            `CameraStep`: what all steps since the piece began add up to, and what the sensor may
+            have done since; zero at its first frame, None where lost.
         piece: 0 at first; one more where odometry began anew after it was lost for long: poses of
             different pieces have nothing in common.
         tracks: points that the step rests on, for drawing: from the keyframe that the frame was
@@ -81,7 +84,9 @@ class OdometryState:
         weights: (N,) 0-1 of each track: near 0 for wrong ones and things that move.
         keyframe_gap: how many frames before this one that keyframe was; 0 where there was no step.
         keyframe: whether the frames after this one are compared with it.
-        why: what was missing, where it is lost.
+        why: what was missing, where nothing was measured.
+        ended: of the frame with which a piece of path is given up: it ends at the last frame that
+            was measured.
     """
 
     status: OdometryStatus
@@ -94,6 +99,7 @@ class OdometryState:
     keyframe_gap: int = 0
     keyframe: bool = False
     why: str = ""
+    ended: OdometryLost | None = None
 
     def __post_init__(self) -> None:
         if (self.status == "lost") != (self.T_odom_camera is None):
@@ -103,6 +109,11 @@ class OdometryState:
                 where="OdometryState",
             )
         check_array("OdometryState", "weights", self.weights, (self.n_tracks,), np.float64)
+
+    @property
+    def measured(self) -> bool:
+        """Whether something was seen of how it moved, or a piece of path begins here."""
+        return self.status in ("first", "ok")
 
     @property
     def n_tracks(self) -> int:

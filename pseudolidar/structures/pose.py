@@ -8,7 +8,7 @@ from typing import Self, TypeVar
 import numpy as np
 
 from pseudolidar.errors import StructureError
-from pseudolidar.structures.arrays import AnyArray, Float64, Int64, check_array
+from pseudolidar.structures.arrays import AnyArray, Bool, Float64, Int64, check_array
 
 # A rotation read from a text file with 6-7 digits is orthonormal to about 1e-6; beyond 1e-3 it is
 # none.
@@ -102,11 +102,14 @@ class Trajectory:
         T_world_body: (N, 4, 4) float64, metres.
         covariance: (N, 6, 6) float64 of twists on the right of the poses, as `OdometryState` has
             it; None where nobody knows.
+        extrapolated: (N,) bool of poses that nothing was measured of, between others that are
+            measured; None where all are.
     """
 
     timestamps_ns: Int64
     T_world_body: Float64
     covariance: Float64 | None = None
+    extrapolated: Bool | None = None
 
     def __post_init__(self) -> None:
         check_array("Trajectory", "timestamps_ns", self.timestamps_ns, (None,), np.int64)
@@ -114,6 +117,8 @@ class Trajectory:
         check_array("Trajectory", "T_world_body", self.T_world_body, (n, 4, 4), np.float64)
         if self.covariance is not None:
             check_array("Trajectory", "covariance", self.covariance, (n, 6, 6), np.float64)
+        if self.extrapolated is not None:
+            check_array("Trajectory", "extrapolated", self.extrapolated, (n,), np.bool_)
         if np.any(np.diff(self.timestamps_ns) <= 0):
             raise StructureError(
                 "time stamps that do not increase", where="Trajectory.timestamps_ns"

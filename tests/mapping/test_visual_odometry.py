@@ -8,6 +8,7 @@ import pytest
 from pseudolidar.errors import CalibrationSizeMismatch, SequenceTime, StructureError, UsageError
 from pseudolidar.geometry.twists import inverted
 from pseudolidar.mapping import visual_odometry
+from pseudolidar.mapping.odometry import Vision
 from pseudolidar.mapping.registration import registered
 from pseudolidar.mapping.visual_odometry import VisualOdometry
 from pseudolidar.structures.box import Detection
@@ -92,6 +93,19 @@ def test_a_black_frame_is_lost_and_bridged(street):
     assert (found.status, found.step.frames, found.piece) == ("ok", 2, 0)
     assert street.error_rel(found, at=4) < MOST_ERROR_REL
     assert len(odometry.trajectories()[0]) == 4
+
+
+def test_vision_alone_goes_on_as_before_where_it_is_dark(street):
+    frames = street.frames
+    odometry = Vision().start(street.rig)
+    for frame in frames[:3]:
+        odometry.register(frame, frame.truth)
+    for at in (3, 4):
+        dark = odometry.register(black(frames[at]), unknown(frames[at])).state
+        assert (dark.status, dark.n_tracks, dark.step) == ("extrapolated", 0, None)
+        assert street.error_rel(dark, at=at) < 0.02
+        assert street.pose_nees(at, dark) < 1
+    assert odometry.register(frames[5], frames[5].truth).state.step.frames == 3
 
 
 def test_frames_that_were_cut_out_are_told_by_their_times(street, monkeypatch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import signal
@@ -10,12 +11,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 
 from pseudolidar.cli import main
+from pseudolidar.formats.pictures.image import encode_png
 from pseudolidar.formats.tum import read_tum_trajectory
 from pseudolidar.running.mapped.walk import Walk
 
-SIZE = ["--width-px", "320", "--height-px", "128"]
+RATE_HZ = 20
+SIZE = ["--width-px", "320", "--height-px", "128", "--rate", str(RATE_HZ)]
 
 
 @pytest.fixture(scope="module")
@@ -90,20 +95,82 @@ def test_a_run_that_is_stopped_says_so(root: Path, capsys, monkeypatch: pytest.M
     assert "lost" not in said.out + said.err
 
 
-def test_scans_without_shape_are_lost_and_nothing_is_made_up(root: Path, capsys):
+def test_scans_without_shape_are_extrapolated_or_left_out(root: Path, capsys):
     scans = sorted(root.rglob("velodyne/*.bin"))
-    few = np.fromfile(scans[2], np.float32).reshape(-1, 4)[:3]
+    few = np.fromfile(scans[2], np.float32).reshape(-1, 4)[5000:5003]
     few.tofile(scans[2])
     np.full((500, 4), np.nan, np.float32).tofile(scans[3])
+    scans[5].write_bytes(b"")
     code, answer = told(capsys, root, "--odometry", "kiss")
     path = answer["trajectory"]
-    lost = set(path["lost"]) | {f"{number:06d}" for number in range(6)} - placed(root)
-    assert {"000002", "000003"} <= lost
-    assert code in (0, 4)
-    assert path["frames"] == 4
+    # Points that are all NaN are no scan of a Velodyne: the file is refused, and its frame with it.
+    assert (code, answer["skipped"]) == (4, 1)
+    assert path["extrapolated"] == ["000002"]
+    assert path["lost"] == ["000005"]
+    assert path["ended"] == []
+    assert placed(root) == ["000000", "000001", "000002", "000004"]
     assert path["end_error_rel"] < 0.05
+    out = root.parent / "out"
+    assert "1 of 4 poses are extrapolated" in (out / "trajectory.tum").read_text().split("\n")[0]
+    rows = list(csv.DictReader((out / "frames.csv").open()))
+    assert [row["status"] for row in rows] == ["first", "ok", "extrapolated", "ok", "lost"]
+    assert [row["row"] for row in rows] == ["1", "2", "3", "4", ""]
+    assert float(rows[2]["sigma_m"]) > 0.01
+    assert "3 points" in rows[2]["why"]
+    report = (out / "report.html").read_text()
+    assert "1 extrapolated" in report
+    assert "no usable point" in report
 
 
-def placed(root: Path) -> set[str]:
+def blacken(root: Path, *frames: int) -> None:
+    """As with a cover on both lenses."""
+    for frame in frames:
+        for eye in root.rglob(f"image_*/{frame:06d}.png"):
+            eye.write_bytes(encode_png(np.zeros((128, 320, 3), np.uint8)))
+
+
+def test_dark_pairs_are_bridged_and_in_no_map(root: Path, capsys):
+    blacken(root, 3)
+    more = ("--odometry", "vision", "--to", "npz,mcap", "--frame-clouds", "npz")
+    code, answer = told(capsys, root, *more, "--map.points.sigma", "1")
+    path = answer["trajectory"]
+    assert (code, answer["skipped"], path["frames"]) == (0, 0, 6)
+    assert (path["extrapolated"], path["lost"]) == (["000003"], [])
+    assert path["ape_rmse_m"] < 0.05
+    out = root.parent / "out"
+    assert "black, covered, or without texture" in (out / "report.html").read_text()
+    clouds = {file.stem for file in (out / "frames").iterdir()}
+    assert "000003" not in clouds
+    assert len(clouds) > 1
+    (recording,) = out.glob("*.mcap")
+    with recording.open("rb") as file:
+        read = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+        notes = [m.message for _, c, _, m in read if c.topic == "/log"]
+    assert len([note for note in notes if note.startswith("pose extrapolated")]) == 1
+
+
+def test_too_long_in_the_dark_ends_the_path_and_says_so(root: Path, capsys):
+    blacken(root, 2, 3)
+    more = ("--odometry", "vision", "--odometry.visual.reach", "1")
+    code, answer = told(capsys, root, *more)
+    path = answer["trajectory"]
+    assert (code, path["pieces"]) == (4, 2)
+    assert path["lost"] == ["000002", "000003"]
+    assert path["extrapolated"] == []
+    (ended,) = path["ended"]
+    assert (ended["code"], ended["where"]) == ("OdometryLost", "frame 000001")
+    assert main(["map", str(root), str(root.parent / "out"), "--to", "none", *more]) == 4
+    assert "OdometryLost: frame 000001: the path ends here" in capsys.readouterr().out
+
+
+def test_a_sequence_in_which_nothing_is_seen_is_refused(root: Path, capsys):
+    blacken(root, *range(6))
+    code, answer = told(capsys, root, "--odometry", "vision", "--no-check")
+    assert (code, answer["error"]["code"]) == (3, "OdometryLost")
+    assert "none of 6 frames" in answer["error"]["got"]
+
+
+def placed(root: Path) -> list[str]:
+    """Ids of frames that have a pose."""
     times, _ = read_tum_trajectory(root.parent / "out" / "trajectory.tum")
-    return {f"{round((time / 1e9 - 1) * 10):06d}" for time in times}
+    return [f"{round((time / 1e9 - 1) * RATE_HZ):06d}" for time in times]

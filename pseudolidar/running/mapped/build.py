@@ -23,7 +23,7 @@ from pseudolidar.mapping.tiles import MapTiles, TileStore
 from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.mapped.stored import WORK_FOLDER, read_stored
-from pseudolidar.running.mapped.walk import Piece
+from pseudolidar.running.mapped.walked import Piece
 from pseudolidar.running.one_cloud import write_cloud
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.reports.samples import photo_of
@@ -167,7 +167,7 @@ def built(
     Args:
         folder: output folder, with the disparities of the first pass.
         source: the frames.
-        piece: where they were taken.
+        piece: where they were taken; those of its frames that are extrapolated are left out.
         rig: with the correction that motion told.
         settings: how.
         frame_kinds: formats in which the points of each frame are written too, in the map.
@@ -182,7 +182,8 @@ def built(
     clouds_folder = folder / FRAME_FOLDER
     if frame_kinds:
         clouds_folder.mkdir(exist_ok=True)
-    poses = {one.id: T for one, T in zip(piece.frames, piece.T_odom_camera, strict=True)}
+    placed = zip(piece.frames, piece.T_odom_camera, strict=True)
+    poses = {one.id: T for one, T in placed if one.measured}
     movable = {one.id: one.movable for one in piece.frames}
     others = frozenset(source.ids) - poses.keys()
     outcomes = stream(source, Restored(folder), crew=CrewPlan(1), skip=others)

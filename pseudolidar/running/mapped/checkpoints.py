@@ -32,7 +32,7 @@ SOURCES = (
     "structures/*.py",
     "geometry/*.py",
     "mapping/*.py",
-    "running/mapped/walk.py",
+    "running/mapped/walk*.py",
     "running/mapped/state_file.py",
 )
 # What states raise that are not what they were.

@@ -22,7 +22,8 @@ class Glimpse:
     Args:
         frame: as its source had it.
         disparity: of its left image.
-        T_odom_camera: of its left camera, in that of the first frame; None where it is lost.
+        T_odom_camera: of its left camera, in that of the first frame; None where nothing
+            was measured.
     """
 
     frame: StereoFrame

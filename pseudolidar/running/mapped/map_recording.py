@@ -20,7 +20,7 @@ from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.mapped.stored import read_stored
 from pseudolidar.running.mapped.trajectory_files import body_poses_of
-from pseudolidar.running.mapped.walk import Piece
+from pseudolidar.running.mapped.walked import Piece
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.products.encoders import packed
 from pseudolidar.running.products.recording import RecordingPlan
@@ -54,6 +54,7 @@ class RecordFrame:
         folder: output folder, with the disparities of the first pass.
         rig: with the correction that motion told.
         T_map_base: by id of the frame.
+        extrapolated: why nothing was measured, by id of such frames.
         content: what the recording holds.
         reproject: disparity to points.
     """
@@ -61,6 +62,7 @@ class RecordFrame:
     folder: Path
     rig: StereoRig
     T_map_base: Mapping[str, Float64]
+    extrapolated: Mapping[str, str]
     content: McapContent
     reproject: Reprojector
 
@@ -71,11 +73,17 @@ class RecordFrame:
             ImageUnreadable: somebody changed the file of disparities.
         """
         pose = Pose(MAP, BASE_LINK, self.T_map_base[frame.id])
-        placed = replace(frame, rig=self.rig, pose=pose)
+        placed = replace(frame, rig=self.rig, pose=pose, notes=self._notes(frame))
         disparity = read_stored(self.folder, frame.id)
         cloud = self.reproject(placed, disparity)
         depth = depth_map(disparity, self.rig)
         return packed(Converted(placed, cloud, disparity, depth), self.content)
+
+    def _notes(self, frame: StereoFrame) -> tuple[str, ...]:
+        why = self.extrapolated.get(frame.id)
+        if why is None:
+            return frame.notes
+        return (*frame.notes, f"pose extrapolated, between the frames beside it: {why}")
 
 
 def plan_recording(job: Any, source: FrameSource, *, wanted: bool) -> RecordingPlan:
@@ -121,7 +129,9 @@ def write_recording(
     ids = [one.id for one in piece.frames]
     snapshots = Snapshots(piece, rig, whole)
     T_map_base = {name: rigid(T) for name, T in zip(ids, poses, strict=True)}
-    per_frame = RecordFrame(folder, rig, T_map_base, content, Reproject().load())
+    extrapolated = {one.id: one.why for one in piece.frames if not one.measured}
+    reproject = Reproject().load()
+    per_frame = RecordFrame(folder, rig, T_map_base, extrapolated, content, reproject)
     with plan.open(folder, ids) as log, FrameProgress(len(ids), what="recording") as progress:
         others = frozenset(source.ids) - (frozenset(ids) - log.held)
         for frame in stream(source, per_frame, crew=crew, skip=others):

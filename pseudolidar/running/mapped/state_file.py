@@ -23,6 +23,7 @@ OF_DATA = ("pseudolidar.structures.", "pseudolidar.geometry.", "pseudolidar.mapp
 # Classes with a state, and what makes parts of libraries anew of data.
 MAPPING = {
     "disparity_offset": ("OffsetEstimate",),
+    "extrapolating": ("ExtrapolatingChain",),
     "fused_chain": ("FusedChain",),
     "fused_path": ("FusedPath",),
     "keyframes": ("Keyframes",),
@@ -38,7 +39,11 @@ MAPPING = {
     "surface_map": ("SurfaceMap",),
     "visual_odometry": ("VisualChain",),
 }
-WALK = {"pseudolidar.running.mapped.walk": ("Walk", "Placed")}
+WALK = {
+    "pseudolidar.running.mapped.walk": ("Walk",),
+    "pseudolidar.running.mapped.walked": ("Placed",),
+    "pseudolidar.errors": ("OdometryLost", "_rebuild"),
+}
 LIBRARIES = {
     "array": ("array", "_array_reconstructor"),
     "builtins": ("list", "set", "frozenset"),

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pseudolidar.errors import PseudolidarError
+import numpy as np
+
+from pseudolidar.errors import LowTexture, PairIdentical, PseudolidarError
 from pseudolidar.formats.pictures.stored_disparity import decode_disparity, encode_disparity
 from pseudolidar.formats.whole_read import read_whole
 from pseudolidar.obstacles.detector import Detector
@@ -63,18 +65,19 @@ class MatchOnce:
     def __call__(self, frame: StereoFrame) -> MatchedFrame:
         """Match, store, detect.
 
-        Raises:
-            PairIdentical, LowTexture: there is nothing to be seen.
+        A pair that shows nothing has no disparity, and a note that says so: it may have a scan, and
+        it belongs between the frames beside it.
         """
-        name = stored_name(frame.id)
+        name, notes = stored_name(frame.id), list(frame.notes)
         data = self._stored(frame) if frame.id in self.known else None
         if data is None:
-            data = encode_disparity(self.match.disparity(frame))
+            data = encode_disparity(self._matched(frame, notes))
         disparity = decode_disparity(data, inside(self.folder, name))
-        movable = () if self.sight is None or self.detect is None else self._movable(frame)
+        looked_at = self.sight is not None and disparity.valid.any()
+        movable = self._movable(frame) if looked_at else ()
         figures: dict[str, Any] = {"density": disparity.density}
-        if frame.notes:
-            figures["notes"] = list(frame.notes)
+        if notes:
+            figures["notes"] = notes
         return MatchedFrame(
             frame, disparity, movable, Product((OutputFile.of(name, data),), figures=figures)
         )
@@ -82,6 +85,13 @@ class MatchOnce:
     def product(self, frame: StereoFrame) -> Product:
         """What is to be committed of a frame, alone; raises as the call does."""
         return self(frame).product
+
+    def _matched(self, frame: StereoFrame, notes: list[str]) -> DisparityMap:
+        try:
+            return self.match.disparity(frame)
+        except (PairIdentical, LowTexture) as error:
+            notes.append(f"{error.code}: {error.got}")
+            return DisparityMap(np.full(frame.left.shape[:2], np.nan, np.float32))
 
     def _movable(self, frame: StereoFrame) -> tuple[Detection, ...]:
         assert self.sight is not None

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from pseudolidar.formats.trajectory import write_kitti_poses
-from pseudolidar.formats.tum import write_tum_trajectory
+from pseudolidar.formats.tum import tum_time, write_tum_trajectory
 from pseudolidar.geometry.frames import left_in_base_link
 from pseudolidar.geometry.twists import inverted
-from pseudolidar.running.mapped.walk import Piece
+from pseudolidar.running.mapped.walked import Piece
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import StereoRig
 
@@ -42,10 +42,19 @@ def write_trajectories(folder: Path, pieces: Sequence[Piece], rig: StereoRig) ->
     for number, piece in enumerate(pieces):
         tum, kitti = (folder / numbered(name, number) for name in (TUM_NAME, KITTI_NAME))
         times_ns = [one.timestamp_ns for one in piece.frames]
-        write_tum_trajectory(tum, times_ns, body_poses_of(piece, rig))
+        write_tum_trajectory(tum, times_ns, body_poses_of(piece, rig), comments=_marks(piece))
         write_kitti_poses(kitti, piece.T_odom_camera)
         files += [tum, kitti]
     return tuple(files)
+
+
+def _marks(piece: Piece) -> list[str]:
+    """Which poses nothing was measured of, in words; nothing where all were."""
+    times = [tum_time(one.timestamp_ns) for one in piece.frames if not one.measured]
+    if not times:
+        return []
+    count = f"{len(times)} of {len(piece.frames)} poses are extrapolated, between measured ones: "
+    return [count + " ".join(times)]
 
 
 def numbered(name: str, number: int) -> str:

@@ -2,58 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from pseudolidar.errors import OdometryLost
 from pseudolidar.geometry.frames import left_in_base_link
+from pseudolidar.mapping.bridges import bridged
 from pseudolidar.mapping.loops import LoopSearch
 from pseudolidar.mapping.pose_graph import closed
 from pseudolidar.mapping.registered import OdometryChain, Registered
-from pseudolidar.structures.arrays import Float64, Int64
+from pseudolidar.running.mapped.walked import Piece, Placed, Walked
+from pseudolidar.structures.arrays import Int64
 from pseudolidar.structures.box import Detection
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.loop import LoopClosure
-
-
-@dataclass(frozen=True, eq=False)
-class Placed:
-    """A frame on its way.
-
-    Args:
-        id: the source's name of it.
-        index: place in the source.
-        timestamp_ns: when it was taken.
-        status: `first` of a piece of path, `ok`, `lost`.
-        why: what was missing, where it is lost.
-        piece: of the path.
-        tracks: points that were followed.
-        inliers: how many of them agree.
-        wrong: vision's step was found to be wrong, and another taken.
-        T_map_camera: (4, 4) ground truth of the left camera, where the source knows it.
-        movable: things in its left image that may move by themselves, as boxes.
-    """
-
-    id: str
-    index: int
-    timestamp_ns: int
-    status: str
-    why: str
-    piece: int
-    tracks: int
-    inliers: int
-    wrong: bool
-    T_map_camera: Float64 | None
-    movable: tuple[Detection, ...] = ()
-
-    @property
-    def lost(self) -> bool:
-        """Whether nobody knows where it was taken."""
-        return self.status == "lost"
+from pseudolidar.structures.pose import Trajectory
 
 
 class Walk:
@@ -98,9 +66,10 @@ class Walk:
                 truth,
                 # Of masks the boxes are kept: memory must not grow by a picture a frame.
                 tuple(replace(one, mask=None) for one in movable),
+                state.ended,
             )
         )
-        pose = state.T_odom_camera
+        pose = state.T_odom_camera if state.measured else None
         if self._loops is not None and pose and self._loops.wants(pose.matrix, state.piece):
             self._found += self._loops.add(
                 frame.index,
@@ -127,67 +96,43 @@ class Walk:
         """The path, by all that is known at the end, with its loops closed.
 
         Raises:
+            OdometryLost: not one frame could be placed.
             MissingDependency: there are loops, and open3d is absent.
         """
+        if self.placed and all(one.lost for one in self.placed):
+            raise OdometryLost(
+                f"none of {len(self.placed)} frames could be placed, the first one by this: "
+                f"{self.placed[0].why}",
+                want="a frame that a path can begin at",
+                fix="Look at the pictures: `pseudolidar check` says what is wrong with pairs.",
+                where=f"frame {self.placed[0].id}",
+            )
         path = closed(self._chain.trajectories(), self._found)
+        whole = [bridged(one, self._unmeasured_ns(i)) for i, one in enumerate(path.trajectories)]
+        placed = self._settled(whole)
         pieces = []
         for number in sorted(set(path.maps)):
             joined = [i for i, one in enumerate(path.maps) if one == number]
-            frames = tuple(one for one in self.placed if one.piece in joined and not one.lost)
-            poses = np.concatenate([path.trajectories[i].T_world_body for i in joined])
-            if len(frames) == len(poses):
-                pieces.append(Piece(frames, poses))
+            frames = tuple(one for one in placed if one.piece in joined and not one.lost)
+            piece = Piece.of(frames, [whole[i] for i in joined])
+            if len(frames) == len(piece.T_odom_camera):
+                pieces.append(piece)
         longest_first = tuple(sorted(pieces, key=lambda piece: -len(piece.frames)))
         told = {} if self._loops is None else self._loops.refused
         refused = {str(why): count for why, count in told.items() if count}
-        names = {one.index: one.id for one in self.placed}
-        return Walked(longest_first, path.used, path.dropped, refused, names)
+        return Walked(longest_first, placed, path.used, path.dropped, refused)
 
+    def _unmeasured_ns(self, piece: int) -> Int64:
+        """Times of frames of a piece of path, or after it, of which nothing was measured."""
+        frames = [one for one in self.placed if one.piece == piece and not one.measured]
+        return np.array([one.timestamp_ns for one in frames], np.int64)
 
-@dataclass(frozen=True, eq=False)
-class Walked:
-    """A path with its loops.
-
-    Args:
-        pieces: whose poses have nothing in common, the longest first.
-        loops: that the path keeps.
-        dropped: loops that disagree with all the rest.
-        refused: how many candidates were none, by reason.
-        names: ids of frames by their index.
-    """
-
-    pieces: tuple[Piece, ...]
-    loops: tuple[LoopClosure, ...] = ()
-    dropped: tuple[LoopClosure, ...] = ()
-    refused: Mapping[str, int] = field(default_factory=dict)
-    names: Mapping[int, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """Frames whose poses are known relative to one another.
-
-    Args:
-        frames: in order of time.
-        T_odom_camera: (N, 4, 4) of their left cameras, in that of the first.
-    """
-
-    frames: tuple[Placed, ...]
-    T_odom_camera: Float64
-
-    @property
-    def times_ns(self) -> Int64:
-        """(N,) int64."""
-        return np.array([one.timestamp_ns for one in self.frames], np.int64)
-
-    @property
-    def length_m(self) -> float:
-        """Way of the camera."""
-        steps = np.diff(self.T_odom_camera[:, :3, 3], axis=0)
-        return float(np.linalg.norm(steps, axis=1).sum())
-
-    @property
-    def truth(self) -> Float64 | None:
-        """(N, 4, 4) of the same frames as the source knows them; None unless it knows them all."""
-        known = [one.T_map_camera for one in self.frames if one.T_map_camera is not None]
-        return np.stack(known) if known and len(known) == len(self.frames) else None
+    def _settled(self, pieces: Sequence[Trajectory]) -> tuple[Placed, ...]:
+        between = {
+            (number, time_ns)
+            for number, piece in enumerate(pieces)
+            for time_ns in piece.timestamps_ns[piece.extrapolated].tolist()
+        }
+        return tuple(
+            one.settled(between=(one.piece, one.timestamp_ns) in between) for one in self.placed
+        )

@@ -7,7 +7,7 @@ import numpy as np
 from pseudolidar.evaluation.page import Picture, PictureRow, Section
 from pseudolidar.geometry.grey import rgb_of
 from pseudolidar.mapping.tracks_drawn import RIGHT_RGB
-from pseudolidar.running.mapped.walk import Walked
+from pseudolidar.running.mapped.walked import Walked
 from pseudolidar.running.reports.numbers import counted, percent
 from pseudolidar.running.reports.samples import photo_of
 from pseudolidar.sources.source import FrameSource

@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-import numpy as np
-
-from pseudolidar.evaluation.comparison.plots.style import BLUE, GREEN, VERMILLION, new_figure
 from pseudolidar.evaluation.page import KeyFigure, Picture, PictureRow, Section, render_page
-from pseudolidar.evaluation.trajectory.plots import above_plot, along_plot, drift_plot, thinned
+from pseudolidar.evaluation.trajectory.plots import drift_plot
 from pseudolidar.formats.atomic import write_atomic
-from pseudolidar.formats.trajectory_file import KITTI_VERTICAL
-from pseudolidar.running.mapped.walk import Piece, Placed
 from pseudolidar.running.reports.conversion_page import REPORT_NAME, rig_rows
 from pseudolidar.running.reports.loop_sections import loop_sections
 from pseudolidar.running.reports.map_pictures import map_sections
+from pseudolidar.running.reports.map_plots import path_plots, tracks_plot
 from pseudolidar.running.reports.map_report import MapReport
 from pseudolidar.running.reports.numbers import percent
 from pseudolidar.running.reports.run_sections import notes_section, skips_section
 from pseudolidar.sources.source import FrameSource
 from pseudolidar.structures.cloud import PointCloud
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def write_map_page(
@@ -53,9 +45,9 @@ def write_map_page(
     sections = [
         *map_sections(shown, report.pieces, rig),
         *loop_sections(report.walked, source),
-        Section("The path", pictures=_paths(report)),
+        Section("The path", pictures=path_plots(report)),
         *_drift(report),
-        Section("How it was found", pictures=[PictureRow((_tracks(report.placed),))]),
+        Section("How it was found", pictures=[PictureRow((tracks_plot(report.placed),))]),
         *_odd(report),
         *skips_section(result),
         *notes_section(result),
@@ -73,7 +65,8 @@ def write_map_page(
 
 
 def _keys(report: MapReport) -> list[KeyFigure]:
-    keys = [KeyFigure("frames", str(len(report.placed)), f"{len(report.lost)} lost")]
+    guessed = f", {len(report.extrapolated)} extrapolated" if report.extrapolated else ""
+    keys = [KeyFigure("frames", str(len(report.placed)), f"{len(report.lost)} lost{guessed}")]
     if report.pieces:
         keys.append(KeyFigure("path", f"{report.pieces[0].length_m:.1f} m", "of the left camera"))
     if report.errors is not None:
@@ -88,35 +81,6 @@ def _keys(report: MapReport) -> list[KeyFigure]:
     return keys
 
 
-def _paths(report: MapReport) -> list[PictureRow]:
-    if report.errors is not None:
-        above = Picture.plot(
-            above_plot(report.errors, None),
-            "from above, beside the source's own poses; colours tell the position error",
-            alt="The path from above beside the reference.",
-        )
-        along = Picture.plot(along_plot(report.errors), "errors along the path, aligned")
-        return [PictureRow((above, along))]
-    if not report.pieces:
-        return []
-    return [PictureRow((Picture.plot(_alone(report.pieces), "from above; each piece by itself"),))]
-
-
-def _alone(pieces: Sequence[Piece]) -> Figure:
-    """Paths across x and z of the camera: right and ahead."""
-    figure, axes = new_figure(7.4, 6.2)
-    across, ahead = (axis for axis in range(3) if axis != KITTI_VERTICAL)
-    for number, piece in enumerate(pieces):
-        places = piece.T_odom_camera[thinned(len(piece.frames))][:, (across, ahead), 3]
-        axes.plot(*places.T, linewidth=1.6, label=f"piece {number + 1}")
-        axes.plot(*places[0], "o", color="black", markersize=5)
-    axes.set(xlabel="right, m", ylabel="ahead, m", title="From above")
-    axes.set_aspect("equal", adjustable="datalim")
-    if len(pieces) > 1:
-        axes.legend(fontsize=9)
-    return figure
-
-
 def _drift(report: MapReport) -> list[Section]:
     if report.errors is None:
         return []
@@ -124,28 +88,11 @@ def _drift(report: MapReport) -> list[Section]:
     return [Section("Drift", plots=[plot])]
 
 
-def _tracks(placed: Sequence[Placed]) -> Picture:
-    figure, axes = new_figure(10.5, 3.2)
-    numbers = np.arange(len(placed))
-    axes.plot(numbers, [one.tracks for one in placed], color=BLUE, linewidth=1.2, label="tracks")
-    inliers = [one.inliers for one in placed]
-    axes.plot(numbers, inliers, color=GREEN, linewidth=1.2, label="that agree")
-    for marked, name in (([one.lost for one in placed], "lost"), _caught(placed)):
-        if any(marked):
-            at = numbers[np.array(marked)]
-            axes.plot(at, np.zeros(len(at)), "x", color=VERMILLION, label=name)
-    axes.set(xlabel="frame", ylabel="points", title="Points that were followed")
-    axes.set_ylim(bottom=0)
-    axes.legend(fontsize=9)
-    return Picture.plot(figure, "points followed from keyframes, and those that agree")
-
-
-def _caught(placed: Sequence[Placed]) -> tuple[list[bool], str]:
-    return [one.wrong for one in placed], "wrong step, caught"
-
-
 def _odd(report: MapReport) -> list[Section]:
-    rows = [(one.id, "lost", one.why) for one in report.lost]
+    rows = [
+        (error.where, error.code, f"{error.got}; {error.want}") for error in report.walked.ended
+    ]
+    rows += [(one.id, one.status, one.why) for one in report.placed if not one.measured]
     rows += [
         (one.id, "wrong step", "pictures or map disagree with vision; another step was taken")
         for one in report.corrected

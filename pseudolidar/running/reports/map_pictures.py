@@ -9,7 +9,7 @@ import numpy as np
 from pseudolidar.evaluation.cloud_views import Eye, from_above, perspective
 from pseudolidar.evaluation.page import Picture, PictureRow, Section
 from pseudolidar.running.mapped.trajectory_files import body_poses_of
-from pseudolidar.running.mapped.walk import Piece
+from pseudolidar.running.mapped.walked import Piece
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.cloud import PointCloud

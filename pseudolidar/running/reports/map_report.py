@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pseudolidar.errors import ALL_DONE, SOME_SKIPPED
 from pseudolidar.evaluation.trajectory.judge import TrajectoryErrors, judge_trajectory
 from pseudolidar.evaluation.trajectory.pairing import FEWEST_PAIRS, PairedPoses
-from pseudolidar.running.mapped.walk import Piece, Placed, Walked
+from pseudolidar.running.mapped.walked import Piece, Placed, Walked
 from pseudolidar.running.reports.numbers import counted, percent
 from pseudolidar.running.results import RunResult
 from pseudolidar.structures.loop import LoopClosure
@@ -25,7 +26,6 @@ class MapReport:
     Args:
         result: frames, figures and times.
         out: output folder.
-        placed: every frame, in order.
         walked: the path with its loops; frames that were lost are in none of its pieces.
         errors: of the longest against the poses of the source; None where it has none.
         seconds_per_frame: wall time of matching and odometry together.
@@ -35,7 +35,6 @@ class MapReport:
 
     result: RunResult
     out: Path
-    placed: Sequence[Placed]
     walked: Walked
     errors: TrajectoryErrors | None
     seconds_per_frame: float | None
@@ -45,12 +44,18 @@ class MapReport:
     @classmethod
     def stopped(cls, result: RunResult, out: Path) -> MapReport:
         """Of a run that was stopped before it had a path."""
-        return cls(result, out, (), Walked(()), None, None)
+        return cls(result, out, Walked(()), None, None)
 
     @property
     def exit_code(self) -> int:
-        """0 all done, 4 some frames skipped, 130 or 143 stopped."""
-        return self.result.exit_code
+        """0 all done, 4 some frames skipped or lost, 130 or 143 stopped."""
+        some_lost = bool(self.lost) and self.result.exit_code == ALL_DONE
+        return SOME_SKIPPED if some_lost else self.result.exit_code
+
+    @property
+    def placed(self) -> Sequence[Placed]:
+        """Every frame, in order."""
+        return self.walked.placed
 
     @property
     def pieces(self) -> Sequence[Piece]:
@@ -61,6 +66,11 @@ class MapReport:
     def lost(self) -> list[Placed]:
         """Frames of which nobody knows where they were taken."""
         return [one for one in self.placed if one.lost]
+
+    @property
+    def extrapolated(self) -> list[Placed]:
+        """Frames of which nothing was measured, between others that were."""
+        return [one for one in self.placed if not (one.measured or one.lost)]
 
     @property
     def corrected(self) -> list[Placed]:
@@ -98,6 +108,8 @@ class MapReport:
             "loops_dropped": [loop_dict(loop) for loop in self.walked.dropped],
             "loops_refused": dict(self.walked.refused),
             "lost": [one.id for one in self.lost],
+            "extrapolated": [one.id for one in self.extrapolated],
+            "ended": [error.as_dict() for error in self.walked.ended],
             "corrected": [one.id for one in self.corrected],
         }
 
@@ -112,10 +124,8 @@ class MapReport:
         return "\n".join([*lines, *(f"  {path}" for path in self.files if path.exists())])
 
     def _path_lines(self) -> list[str]:
-        if self.result.ended_early:
+        if self.result.ended_early or not self.pieces:
             return []
-        if not self.pieces:
-            return ["  no path: every frame is lost"]
         longest = self.pieces[0]
         line = f"  path of {longest.length_m:.2f} m through {counted(len(longest.frames), 'frame')}"
         if self.seconds_per_frame is not None:
@@ -136,9 +146,9 @@ class MapReport:
         if len(self.pieces) > 1:
             more = ", ".join(f"{piece.length_m:.1f}" for piece in self.pieces[1:])
             lines.append(f"  {counted(len(self.pieces), 'piece')} of path: others of {more} m")
-        lines += [f"  lost: {one.id}: {one.why}" for one in self.lost[:NAMED_FRAMES]]
-        more_lost = len(self.lost) - NAMED_FRAMES
-        lines += [f"  lost: {more_lost} more"] if more_lost > 0 else []
+        lines += [f"  {error}" for error in self.walked.ended]
+        lines += _named("extrapolated", self.extrapolated)
+        lines += _named("lost", self.lost)
         if self.walked.loops or self.walked.dropped:
             lines.append(
                 f"  {counted(len(self.walked.loops), 'loop')} closed, "
@@ -160,6 +170,13 @@ class MapReport:
                 f"{counted(mesh['holes'], 'hole')} of {mesh['holes_m2']:.1f} m2"
             )
         return lines
+
+
+def _named(what: str, frames: Sequence[Placed]) -> list[str]:
+    """The first frames one by one, with the reason, and how many more there are."""
+    lines = [f"  {what}: {one.id}: {one.why}" for one in frames[:NAMED_FRAMES]]
+    more = len(frames) - NAMED_FRAMES
+    return [*lines, f"  {what}: {more} more"] if more > 0 else lines
 
 
 def loop_dict(loop: LoopClosure) -> dict[str, float | int]:

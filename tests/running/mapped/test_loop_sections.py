@@ -7,7 +7,7 @@ import base64
 import cv2
 import numpy as np
 
-from pseudolidar.running.mapped.walk import Walked
+from pseudolidar.running.mapped.walked import Placed, Walked
 from pseudolidar.running.reports.loop_sections import loop_sections
 from pseudolidar.running.reports.map_report import loop_dict
 from pseudolidar.sources.selection import FrameSelection, select
@@ -37,8 +37,10 @@ def closure(correction_m: float) -> LoopClosure:
 def test_each_loop_has_its_numbers_and_two_pictures():
     every = Synthetic("room", frames=4, width_px=128).open()
     source = select(every, FrameSelection.parse("1:4"), None)  # places are not indices here
-    names = {index: every.ids[index] for index in range(4)}
-    walked = Walked((), (closure(1.5),), (closure(9.0),), {"few_matches": 4}, names)
+    placed = tuple(
+        Placed(every.ids[index], index, index, "ok", "", 0, 0, 0, False, None) for index in range(4)
+    )
+    walked = Walked((), placed, (closure(1.5),), (closure(9.0),), {"few_matches": 4})
     (section,) = loop_sections(walked, source)
     assert (
         section.text == "1 loop closed, 1 dropped by the rest; candidates refused: 4 few matches."

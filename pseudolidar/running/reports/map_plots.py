@@ -1,0 +1,98 @@
+"""Plots of `map`'s report: the path from above, what was followed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pseudolidar.evaluation.comparison.plots.style import BLUE, GREEN, VERMILLION, new_figure
+from pseudolidar.evaluation.page import Picture, PictureRow
+from pseudolidar.evaluation.trajectory.plots import above_plot, along_plot, plane_of, thinned
+from pseudolidar.formats.trajectory_file import KITTI_VERTICAL
+from pseudolidar.running.mapped.walked import Piece, Placed
+from pseudolidar.running.reports.map_report import MapReport
+from pseudolidar.structures.arrays import Float64
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Poses that nothing was measured of, in every plot: hollow, so that what is beneath is seen.
+GUESSED: Mapping[str, Any] = {
+    "marker": "D",
+    "markersize": 6,
+    "markerfacecolor": "none",
+    "markeredgecolor": "black",
+}
+EXTRAPOLATED = "extrapolated"
+
+
+def path_plots(report: MapReport) -> list[PictureRow]:
+    """The path from above, and its errors along it where the source knows its poses."""
+    if not report.pieces:
+        return []
+    if report.errors is None:
+        return [
+            PictureRow((Picture.plot(_alone(report.pieces), "from above; each piece by itself"),))
+        ]
+    errors, measured = report.errors, report.pieces[0].measured
+    above, along = above_plot(errors, None), along_plot(errors)
+    across, ahead, _ = plane_of(errors.reference, None)
+    _guessed(above.axes[0], errors.aligned[~measured][:, (across, ahead), 3])
+    _guessed(along.axes[0], np.stack([errors.path_m, errors.ape_m], axis=1)[~measured])
+    told = "from above, beside the source's own poses; colours tell the position error"
+    alt = "The path from above beside the reference."
+    pictures = (
+        Picture.plot(above, told, alt=alt),
+        Picture.plot(along, "errors along the path, aligned"),
+    )
+    return [PictureRow(pictures)]
+
+
+def _alone(pieces: Sequence[Piece]) -> Figure:
+    """Paths across x and z of the camera: right and ahead."""
+    figure, axes = new_figure(7.4, 6.2)
+    across, ahead = (axis for axis in range(3) if axis != KITTI_VERTICAL)
+    for number, piece in enumerate(pieces):
+        places = piece.T_odom_camera[:, (across, ahead), 3]
+        drawn = places[thinned(len(places))]
+        axes.plot(*drawn.T, linewidth=1.6, label=f"piece {number + 1}")
+        axes.plot(*places[0], "o", color="black", markersize=5)
+        _guessed(axes, places[~piece.measured])
+    axes.set(xlabel="right, m", ylabel="ahead, m", title="From above")
+    axes.set_aspect("equal", adjustable="datalim")
+    if len(axes.get_legend_handles_labels()[1]) > 1:
+        axes.legend(fontsize=9)
+    return figure
+
+
+def tracks_plot(placed: Sequence[Placed]) -> Picture:
+    """Points that were followed in each frame, and the frames to look at."""
+    figure, axes = new_figure(10.5, 3.2)
+    numbers = np.arange(len(placed))
+    axes.plot(numbers, [one.tracks for one in placed], color=BLUE, linewidth=1.2, label="tracks")
+    inliers = [one.inliers for one in placed]
+    axes.plot(numbers, inliers, color=GREEN, linewidth=1.2, label="that agree")
+    guessed = numbers[np.array([not (one.measured or one.lost) for one in placed], np.bool_)]
+    _guessed(axes, np.stack([guessed, np.zeros(len(guessed))], axis=1))
+    lost, wrong = [one.lost for one in placed], [one.wrong for one in placed]
+    for marked, marker, name in ((lost, "x", "lost"), (wrong, "v", "wrong step, caught")):
+        at = numbers[np.array(marked, np.bool_)]
+        if len(at):
+            axes.plot(at, np.zeros(len(at)), marker, color=VERMILLION, label=name, clip_on=False)
+    axes.set(xlabel="frame", ylabel="points", title="Points that were followed")
+    axes.set_ylim(bottom=0)
+    axes.legend(fontsize=9)
+    return Picture.plot(figure, "points followed from keyframes, and those that agree")
+
+
+def _guessed(axes: Axes, places: Float64) -> None:
+    """Mark places (N, 2) of poses that nothing was measured of, once in the legend."""
+    if not len(places):
+        return
+    known = axes.get_legend_handles_labels()[1]
+    label = "_" if EXTRAPOLATED in known else EXTRAPOLATED
+    axes.plot(*places.T, linestyle="none", label=label, **GUESSED)
+    axes.legend(fontsize=9)
