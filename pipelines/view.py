@@ -54,9 +54,11 @@ from pseudolidar.viewer.address import LOOPBACK, PORT, Address
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.comparing.rigs import Fit, RigShop, Seeing, some_frames
 from pseudolidar.viewer.exporting import check_export, draw, export, is_drawn
+from pseudolidar.viewer.filming.outlined import FilmedObjects
 from pseudolidar.viewer.means import Means
+from pseudolidar.viewer.objects.asking import Asked
+from pseudolidar.viewer.objects.teller import ScenesAtOnce
 from pseudolidar.viewer.opening import RUN_FILE, Opened, Opening
-from pseudolidar.viewer.panels.obstacles import Asked
 from pseudolidar.viewer.reel import SourceReel
 from pseudolidar.viewer.tuning.tuner import Workshop
 
@@ -86,6 +88,7 @@ class View:
         pseudolidar view training --detector cloud --corridor 2x2x30
         pseudolidar view out/map.ply --export map.html
         pseudolidar view out/map.ply out/trajectory.tum --export flight.mp4
+        pseudolidar view training --detector cloud --export found.mp4
         pseudolidar view drive --settings settings.json
 
     Args:
@@ -117,7 +120,7 @@ class View:
         export: serve nothing, and write what there is to see, all frames of it, to one file that
             opens without a server: scene.html, scene.viser for viser's own player; scene.mp4, a
             film (H.264) behind the rig of a sequence, along the path of a map, or once round clouds
-            that lie still; scene.png, its first picture.
+            that lie still; scene.png, its first picture. Objects are in each of them.
     """
 
     paths: Annotated[tuple[str, ...], POSITIONAL] = ()
@@ -205,7 +208,7 @@ def run(job: View) -> ViewReport:
         check_export(job.export)
     opened = Opening(job.reel_of, job.reel_of_run).all_of(job.paths)
     if job.export is not None:
-        exported(opened, job.export)
+        exported(job, opened, job.export)
         return ViewReport(job.export)
     # Ctrl-C is the ordinary way out, and no interruption.
     with (
@@ -219,12 +222,16 @@ def run(job: View) -> ViewReport:
     return ViewReport()
 
 
-def exported(opened: Opened, path: Path) -> None:
-    """Write what there is to see to one file."""
+def exported(job: View, opened: Opened, path: Path) -> None:
+    """Write what there is to see, with the objects that are asked for, to one file."""
+    asked = Asked(job.detector, job.corridor)
+    reel = opened.reels[0] if opened.reels else None
+    sighted = reel.sighted if isinstance(reel, SourceReel) else None
     if is_drawn(path):
-        draw(opened, path)
+        wish = asked.wish(of_run=bool(opened.objects))
+        draw(opened, path, FilmedObjects(ScenesAtOnce.of(wish, opened.objects, sighted)))
         return
-    with App.made(Address(port=0), opened.in_one_file()) as app:
+    with App.made(Address(port=0), opened.in_one_file(), Means(sighted, asked)) as app:
         export(app, path)
 
 

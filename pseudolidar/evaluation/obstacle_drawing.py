@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.evaluation.birds_eye import ring_labels
-from pseudolidar.evaluation.captions import write_on
 from pseudolidar.evaluation.free_place import Places, Rectangle
+from pseudolidar.evaluation.lines_and_labels import FARTHEST_PX, draw_label, draw_lines
 from pseudolidar.formats.obstacle_words import (
     colour_by_distance,
     distance_text,
@@ -25,18 +25,11 @@ from pseudolidar.structures.obstacle import Obstacle
 
 # Edges are cut where they come nearer than this to the image plane, m.
 NEAREST_M = 0.2
-# Fixed-point digits of OpenCV's drawing, and the largest coordinate that it is given, px.
-SHIFT, FARTHEST_PX = 4, 30_000.0
-TEXT_SIZE, LINE_PX, PAD_PX = 0.42, 15, 3
 ABOVE_TEXT_SIZE = 0.38
-# A label's ground is darkened to this share.
-GROUND = 0.35
 # Boxes nearer than this have thicker lines, m.
 THICK_BELOW_M = 25.0
 # An arrow is as long as the way of this time, s.
 ARROW_S, ARROW_TIP = 1.0, 0.25
-# A line leads to a label that is farther off than this, px.
-LEADER_PX = 8
 # What is only predicted has lines of dashes as long as the gaps between them, px.
 DASH_PX = 6.0
 BOTTOM_CORNERS = (0, 2, 6, 4)
@@ -80,14 +73,16 @@ def draw_in_photo(
         thick = 2 if obstacle.distance_m < THICK_BELOW_M else 1
         corners = _scaled(obstacle.detection.box_px, scale)
         sides = [(corners[i], corners[(i + 1) % 4]) for i in range(4)]
-        _lines(photo, _styled(obstacle, sides, photo), colour, 1)
-        _lines(photo, _styled(obstacle, _edges_px(obstacle.box, K, scale), photo), colour, thick)
+        draw_lines(photo, _styled(obstacle, sides, photo), colour, 1)
+        draw_lines(
+            photo, _styled(obstacle, _edges_px(obstacle.box, K, scale), photo), colour, thick
+        )
     boxes = [_inside(_scaled(one.detection.box_px, scale), photo) for one in near_first]
     places = Places((photo.shape[1], photo.shape[0]), boxes)
     for obstacle, box in zip(near_first, boxes, strict=True):
         first = [name_text(obstacle), speed_text(obstacle), unseen_text(obstacle)]
         lines = ["  ".join(part for part in first if part), distance_text(obstacle)]
-        _label(photo, places, lines, box, colour_by_distance(obstacle.distance_m))
+        draw_label(photo, places, lines, box, colour_by_distance(obstacle.distance_m))
 
 
 def draw_from_above(picture: UInt8, obstacles: Sequence[Obstacle], view: AboveView) -> None:
@@ -103,8 +98,8 @@ def draw_from_above(picture: UInt8, obstacles: Sequence[Obstacle], view: AboveVi
         colour = colour_by_distance(obstacle.distance_m)
         corners = view.pixels(obstacle.box.corners_m()[list(BOTTOM_CORNERS)])
         sides = [(corners[i], corners[(i + 1) % 4]) for i in range(4)]
-        _lines(picture, _styled(obstacle, sides, picture), colour, 2)
-        _lines(picture, [_error_bar(obstacle, view)], (255, 255, 255), 1)
+        draw_lines(picture, _styled(obstacle, sides, picture), colour, 2)
+        draw_lines(picture, [_error_bar(obstacle, view)], (255, 255, 255), 1)
         _arrow(picture, obstacle, view, colour)
     shown = [one for one in near_first if _is_in(view, one)]
     footprints = [_around(view.pixels(one.box.corners_m())) for one in shown]
@@ -115,7 +110,7 @@ def draw_from_above(picture: UInt8, obstacles: Sequence[Obstacle], view: AboveVi
         speed = speed_text(obstacle)
         text = " ".join(part for part in (name, f"{obstacle.distance_m:.1f} m", speed) if part)
         colour = colour_by_distance(obstacle.distance_m)
-        _label(picture, places, [text], beside, colour, size=ABOVE_TEXT_SIZE)
+        draw_label(picture, places, [text], beside, colour, size=ABOVE_TEXT_SIZE)
 
 
 def _is_in(view: AboveView, obstacle: Obstacle) -> bool:
@@ -181,23 +176,6 @@ def _dashes(
     return dashes
 
 
-def _lines(
-    picture: UInt8,
-    lines: Sequence[tuple[Float64, Float64]],
-    colour: tuple[int, int, int],
-    thick: int,
-) -> None:
-    import cv2
-
-    for a, b in lines:
-        cv2.line(picture, _fixed(a), _fixed(b), colour, thick, cv2.LINE_AA, SHIFT)
-
-
-def _fixed(point: Float64) -> tuple[int, int]:
-    x, y = np.rint(np.clip(point, -FARTHEST_PX, FARTHEST_PX) * 2**SHIFT)
-    return int(x), int(y)
-
-
 def _error_bar(obstacle: Obstacle, view: AboveView) -> tuple[Float64, Float64]:
     """One standard deviation each way from the nearest face, along the ray; none behind the eye."""
     x, _, z = obstacle.box.pose.translation_m
@@ -235,44 +213,3 @@ def _inside(box: Float64, picture: UInt8) -> Rectangle:
     high, wide = picture.shape[:2]
     (left, top), (right, bottom) = np.rint(np.clip(box[[0, 2]], 0, (wide, high)))
     return int(left), int(top), int(right), int(bottom)
-
-
-def _label(
-    picture: UInt8,
-    places: Places,
-    lines: Sequence[str],
-    beside: Rectangle,
-    colour: tuple[int, int, int],
-    *,
-    size: float = TEXT_SIZE,
-) -> None:
-    """Lines on darkened ground where there is room; nothing where there is none."""
-    import cv2
-
-    font = cv2.FONT_HERSHEY_SIMPLEX
-    widths = [cv2.getTextSize(line, font, size, 1)[0][0] for line in lines]
-    width, height = max(widths) + 2 * PAD_PX, len(lines) * LINE_PX + PAD_PX
-    place = places.take((width, height), beside)
-    if place is None:
-        return
-    left, top = place
-    ground = picture[top : top + height, left : left + width]
-    ground[:] = (ground * GROUND).astype(np.uint8)
-    _leader(picture, (left, top, left + width, top + height), beside, colour)
-    picture[top : top + height, left : left + 2] = colour
-    for row, line in enumerate(lines, start=1):
-        write_on(picture, line, (left + PAD_PX + 1, top + row * LINE_PX - 3), size)
-
-
-def _leader(
-    picture: UInt8, label: Rectangle, beside: Rectangle, colour: tuple[int, int, int]
-) -> None:
-    """A line from a label to what it belongs to, where they are apart."""
-    import cv2
-
-    above, below = beside[1] - label[3], label[1] - beside[3]
-    if max(above, below) <= LEADER_PX:
-        return
-    x = min(max(label[0], (beside[0] + beside[2]) // 2), label[2])
-    begin, end = (label[3], beside[1]) if above > 0 else (label[1], beside[3])
-    cv2.line(picture, (x, begin), ((beside[0] + beside[2]) // 2, end), colour, 1, cv2.LINE_AA)

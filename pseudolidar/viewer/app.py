@@ -105,7 +105,8 @@ class App:
             with tab["Compare"]:
                 self.compare = ComparePanel(self.view, self.companions, means.rigs)
         with tab["Export"]:
-            self.export = ExportPanel(self.view)
+            filmed = self.obstacles.filmed if "Obstacles" in tab else None
+            self.export = ExportPanel(self.view, filmed)
         with tab["Help"]:
             self.help = HelpPanel(self.view, opened)
 

@@ -9,6 +9,7 @@ from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.filming.film import PICTURE_PX, Film, write_film, write_picture
+from pseudolidar.viewer.filming.outlined import FilmedObjects
 from pseudolidar.viewer.opening import Opened
 
 # Of viser's own kinds of file, and of those that are drawn here.
@@ -35,17 +36,22 @@ def is_drawn(path: Path) -> bool:
     return path.suffix.lower() in DRAWN
 
 
-def draw(opened: Opened, path: Path) -> None:
+def draw(opened: Opened, path: Path, objects: FilmedObjects) -> None:
     """Write a film of what was opened, or its first picture.
+
+    Args:
+        opened: what is looked at.
+        path: of the file.
+        objects: of the frames of its first sequence.
 
     Raises:
         CloudEmpty: there is nothing to be seen.
         OutputError: the disk is full or gone.
     """
     if path.suffix.lower() == ".png":
-        write_picture(Film.of(opened, size_px=PICTURE_PX), path)
+        write_picture(Film.of(opened, size_px=PICTURE_PX, objects=objects), path)
         return
-    film = Film.of(opened)
+    film = Film.of(opened, objects=objects)
     with FrameProgress(film.count, what=path.stem) as progress:
         write_film(film, path, progress.advance)
 
@@ -65,7 +71,7 @@ def export(app: App, path: Path) -> None:
     times_s = view.reel.times_s
     with FrameProgress(len(times_s)) as progress:
         for index, time_s in enumerate(times_s):
-            view.stage.show(view.made(index))
+            view.show(view.settled(index))
             following_s = times_s[min(index + 1, len(times_s) - 1)]
             serializer.insert_sleep(max(float(following_s - time_s), 0.0))
             progress.advance()

@@ -9,7 +9,7 @@ from typing import Any
 from pseudolidar.running.sighting import Seen
 from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.comparing.rigs import RigShop
-from pseudolidar.viewer.panels.obstacles import NOTHING_ASKED, Asked
+from pseudolidar.viewer.objects.asking import NOTHING_ASKED, Asked
 from pseudolidar.viewer.tuning.tuner import Workshop
 
 

@@ -237,6 +237,17 @@ class View:
             if moment is None or (moment is self.moment and not self._stale):
                 return
             self._stale = False
+        self.show(moment)
+
+    def settled(self, index: int) -> Moment:
+        """A frame for which all is ready that panels wait for; for who shows every one."""
+        moment = self.made(index)
+        while not all(ready(moment) for ready in self._awaited):
+            time.sleep(TICK_S)
+        return moment
+
+    def show(self, moment: Moment) -> None:
+        """Draw a frame now; called by one thread alone."""
         begun_s = time.thread_time()
         self.moment = moment
         self.stage.show(moment)

@@ -16,6 +16,7 @@ from pseudolidar.structures.arrays import Float64, UInt8
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.filming.flights import RATE_HZ, along, sized, turntable
 from pseudolidar.viewer.filming.moving import moving_shots, pictures_of
+from pseudolidar.viewer.filming.outlined import FilmedObjects
 from pseudolidar.viewer.filming.painted import Painter, joined, nothing_seen
 from pseudolidar.viewer.filming.shot import Shot
 from pseudolidar.viewer.moment import Moment
@@ -47,6 +48,7 @@ class Film:
         looks: Mapping[str, Look] | None = None,
         size_px: tuple[int, int] = FILM_PX,
         load: Callable[[int], Moment] | None = None,
+        objects: FilmedObjects | None = None,
     ) -> Film:
         """A film of what was opened: through its first sequence, along its path, or round it.
 
@@ -55,6 +57,7 @@ class Film:
             looks: how clouds look, by name; of others what suits them.
             size_px: of its pictures.
             load: makes the frames of that sequence; None to make them as the sequence does.
+            objects: of its frames; None for none.
 
         Raises:
             CloudEmpty: there is nothing to be seen; of a sequence the film itself raises it, in
@@ -64,7 +67,8 @@ class Film:
         if opened.reels:
             pictures = pictures_of(opened.reels[0])
             load = load or opened.reels[0].load
-            return cls(sum(pictures), moving_shots(load, pictures, opened.stills, looks, size_px))
+            shots = moving_shots(load, pictures, opened.stills, looks, size_px, objects)
+            return cls(sum(pictures), shots)
         origin = middle_m(opened.stills[0]) if opened.stills else np.zeros(3)
         painter = Painter(looks, origin)
         cloud = joined([painter.still(one) for one in opened.stills if painter.visible(one.name)])

@@ -11,6 +11,12 @@ from pseudolidar.evaluation.cloud_views import Eye
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.filming.flights import RATE_HZ, Chase, behind, between, sized
+from pseudolidar.viewer.filming.outlined import (
+    NO_OUTLINES,
+    FilmedObjects,
+    Outlines,
+    points_of,
+)
 from pseudolidar.viewer.filming.painted import Painter, joined, nothing_seen
 from pseudolidar.viewer.filming.shot import Shot
 from pseudolidar.viewer.moment import STEREO, Moment
@@ -21,6 +27,8 @@ from pseudolidar.viewer.timeline import LONGEST_WAIT_S
 
 # Side of a point of a frame, m.
 POINT_M = 0.05
+# The points of all objects of a frame, among clouds.
+THINGS = "points of objects"
 FORWARD = np.array([1.0, 0.0, 0.0])
 
 
@@ -30,6 +38,7 @@ def moving_shots(
     stills: Sequence[Still],
     looks: Mapping[str, Look],
     size_px: tuple[int, int],
+    objects: FilmedObjects | None = None,
 ) -> Iterator[Shot]:
     """Each frame as long as it lasts, where it is in the map, and what lies still.
 
@@ -39,6 +48,7 @@ def moving_shots(
         stills: drawn with each of them.
         looks: how clouds look, by name.
         size_px: of the pictures.
+        objects: of the frames; None for none.
 
     Raises:
         CloudEmpty: not one picture shows anything.
@@ -56,12 +66,13 @@ def moving_shots(
     for index, pictures in enumerate(wanted):
         ahead = load(min(index + 1, len(wanted) - 1))
         moment, following = following, _placed(ahead, following)
-        cloud = joined([*_painted(moment, painter), still])
+        outlines, things = _outlined(moment, objects, painter)
+        cloud = joined([*_painted(moment, painter), *things, still])
         seen, fault = seen or len(cloud) > 0, fault or moment.fault
         eyes = [_eye_behind(one, origin, size_px) for one in (moment, following)]
         for number in range(pictures):
             target = between(eyes[0], eyes[1], number / pictures)
-            yield Shot(cloud, chase.follow(target, 1 / RATE_HZ), POINT_M)
+            yield Shot(cloud, chase.follow(target, 1 / RATE_HZ), POINT_M, outlines)
     if not seen:
         raise nothing_seen(fault)
 
@@ -93,3 +104,15 @@ def _painted(moment: Moment, painter: Painter) -> list[PointCloud]:
         for name in names
         if painter.visible(name)
     ]
+
+
+def _outlined(
+    moment: Moment, objects: FilmedObjects | None, painter: Painter
+) -> tuple[Outlines, list[PointCloud]]:
+    """The objects of a frame: their lines, and their points where these are drawn too."""
+    if objects is None:
+        return NO_OUTLINES, []
+    scene, T = objects.scenes(moment), moment.T_map_forward
+    points = points_of(scene, objects.parts)
+    things = [] if points is None else [painter.cloud(THINGS, points, T)]
+    return Outlines.of(scene, objects.parts, painter.pose(T)), things

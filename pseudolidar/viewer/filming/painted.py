@@ -41,6 +41,12 @@ class Painter:
         """Whether a cloud is drawn."""
         return self._looks.get(name, Look()).visible
 
+    def pose(self, T_map_cloud: Float64 | None) -> Float64:
+        """(4, 4) the same pose relative to the origin; None where it is in the map already."""
+        T = np.eye(4) if T_map_cloud is None else T_map_cloud.copy()
+        T[:3, 3] -= self._origin_m
+        return T
+
     def cloud(self, name: str, cloud: PointCloud, T_map_cloud: Float64 | None = None) -> PointCloud:
         """A cloud with its colours, where it is in the map.
 
@@ -50,8 +56,8 @@ class Painter:
             T_map_cloud: (4, 4) where it is; None where it is in the map already.
         """
         few = thinned(cloud, MOST_POINTS)
-        T = np.eye(4) if T_map_cloud is None else T_map_cloud
-        xyz = few.xyz @ T[:3, :3].T + (T[:3, 3] - self._origin_m)
+        T = self.pose(T_map_cloud)
+        xyz = few.xyz @ T[:3, :3].T + T[:3, 3]
         return PointCloud(
             xyz.astype(np.float32), "film", rgb=self._colouring(name, few).colours(few)
         )

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from pseudolidar.errors import UsageError
 from pseudolidar.obstacles.cloud import Cloud
 from pseudolidar.obstacles.colour import Colour
+from pseudolidar.obstacles.corridor import Corridor
 from pseudolidar.obstacles.detectors import AnyDetector
 from pseudolidar.obstacles.hues import Hues
 from pseudolidar.obstacles.labels import Labels
 from pseudolidar.obstacles.regions import Boxes, Regions
+from pseudolidar.obstacles.tracker import Tracker
 from pseudolidar.obstacles.within import Band, Range
 from pseudolidar.running.settings_schema import choice_name
+from pseudolidar.viewer.objects.teller import Wish
 
 NONE, OF_RUN = "none", "of the run"
 # What detectors that need words are given at first.
@@ -70,3 +74,30 @@ _BY_WORDS: Mapping[str, Callable[[str], AnyDetector]] = {
     "range": lambda text: Range(Band.parse(text)),
     "cloud": lambda _text: Cloud(),
 }
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is wanted from the start.
+
+    Args:
+        detector: the one of the command line, which may name files.
+        corridor: the one of the command line.
+    """
+
+    detector: AnyDetector | None = None
+    corridor: Corridor | None = None
+
+    def kind(self, *, of_run: bool) -> str:
+        """The detector that is chosen at first."""
+        if self.detector is not None:
+            return given_name(self.detector)
+        return OF_RUN if of_run else NONE
+
+    def wish(self, *, of_run: bool) -> Wish:
+        """What is wanted of frames at first, with everything heavy loaded."""
+        detect = None if self.detector is None else self.detector.load()
+        return Wish(self.kind(of_run=of_run) == OF_RUN, detect, self.corridor, Tracker())
+
+
+NOTHING_ASKED = Asked()

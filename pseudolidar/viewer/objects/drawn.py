@@ -128,7 +128,7 @@ class DrawnObjects:
         colour = FREE_COLOUR
         if corridor is not None and corridor.nearest_m is not None:
             colour = THING_COLOUR
-            lines = np.concatenate([lines, _cross(corridor.nearest_m)])
+            lines = np.concatenate([lines, cross(corridor.nearest_m)])
         self._lines("corridor", lines, coloured([colour], len(lines)), SURE_PX)
 
     def _points(self, scene: ObjectScene) -> None:
@@ -173,7 +173,7 @@ def _above(corners_m: Float64) -> Float64:
     return np.append(corners_m[:, :2].mean(axis=0), corners_m[:, 2].max() + 0.1)
 
 
-def _cross(place_m: Float64) -> Float32:
-    """(3, 2, 3) a cross at a place."""
+def cross(place_m: Float64) -> Float32:
+    """(3, 2, 3) a cross at a place (3,)."""
     arms = np.eye(3) * (0.5 * CROSS_M)
     return np.asarray(np.stack([place_m - arms, place_m + arms], axis=1), np.float32)

@@ -6,7 +6,7 @@ import html
 import math
 import re
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from typing import Any
 from urllib.parse import urlencode
@@ -22,6 +22,7 @@ from pseudolidar.structures.recorded import RecordedCloud
 from pseudolidar.viewer.answers import Answer
 from pseudolidar.viewer.filming.film import Film
 from pseudolidar.viewer.filming.maker import FilmMaker
+from pseudolidar.viewer.filming.outlined import FilmedObjects
 from pseudolidar.viewer.inbound import MOST_PICTURE_PX
 from pseudolidar.viewer.live_reel import LiveReel
 from pseudolidar.viewer.moment import Moment
@@ -42,10 +43,11 @@ class ExportPanel:
 
     Args:
         view: what is looked at.
+        objects: of its frames, from the first one on, as they are drawn now; None for none.
     """
 
-    def __init__(self, view: View) -> None:
-        self._view = view
+    def __init__(self, view: View, objects: Callable[[], FilmedObjects] | None = None) -> None:
+        self._view, self._objects = view, objects
         self._names: tuple[str, ...] = ()
         self._asked, self._lock = set[int](), threading.Lock()
         view.server.pages |= {"/export/cloud": self._cloud, "/export/scene": self._scene}
@@ -88,7 +90,10 @@ class ExportPanel:
             () if isinstance(reel, NoFrames | LiveReel) else (reel,), tuple(view.stage.every_still)
         )
         return Film.of(
-            opened, dict(view.stage.looks), load=lambda index: view.finished(reel.load(index))
+            opened,
+            dict(view.stage.looks),
+            load=lambda index: view.finished(reel.load(index)),
+            objects=None if self._objects is None else self._objects(),
         )
 
     def _make_film(self, _event: object) -> None:

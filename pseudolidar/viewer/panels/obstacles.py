@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +19,22 @@ from pseudolidar.obstacles.tracker import Tracker
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.viewer.answers import Answer
 from pseudolidar.viewer.controls import set_value
+from pseudolidar.viewer.filming.outlined import FilmedObjects
 from pseudolidar.viewer.live_reel import LiveReel
 from pseudolidar.viewer.moment import Moment
-from pseudolidar.viewer.objects.asking import NONE, OF_RUN, USUAL, detector_of, given_name, kinds
+from pseudolidar.viewer.objects.asking import (
+    NONE,
+    NOTHING_ASKED,
+    OF_RUN,
+    USUAL,
+    Asked,
+    detector_of,
+    kinds,
+)
 from pseudolidar.viewer.objects.drawn import DrawnObjects, Parts
 from pseudolidar.viewer.objects.scene import ObjectScene
-from pseudolidar.viewer.objects.watch import ObjectWatch, RunObjects, Wish
+from pseudolidar.viewer.objects.teller import RunObjects, Wish
+from pseudolidar.viewer.objects.watch import ObjectWatch
 from pseudolidar.viewer.remembered import RememberedSights
 from pseudolidar.viewer.view import View
 
@@ -38,28 +48,6 @@ FARTHEST_M, LARGEST_M = 120.0, 4.0
 CORRIDOR = Corridor(2.0, 2.0, 30.0)
 LEAST_CORRIDOR_M, LARGEST_CORRIDOR_M = (0.2, 0.2, 1.0), (20.0, 10.0, FARTHEST_M)
 WORDS = "colour: red or 350-10; range: 2-20 (m); regions: LEFT,TOP,RIGHT,BOTTOM (px)"
-
-
-@dataclass(frozen=True)
-class Asked:
-    """What is wanted from the start.
-
-    Args:
-        detector: the one of the command line, which may name files.
-        corridor: the one of the command line.
-    """
-
-    detector: AnyDetector | None = None
-    corridor: Corridor | None = None
-
-    def kind(self, *, of_run: bool) -> str:
-        """The detector that is chosen at first."""
-        if self.detector is not None:
-            return given_name(self.detector)
-        return OF_RUN if of_run else NONE
-
-
-NOTHING_ASKED = Asked()
 
 
 class ObstaclesPanel:
@@ -97,6 +85,10 @@ class ObstaclesPanel:
         if sights is not None:
             sights.on_change(self._seen_otherwise)
         self._ask()
+
+    def filmed(self) -> FilmedObjects:
+        """The same objects for the frames of a film, from the first one on."""
+        return FilmedObjects(self.watch.at_once(), self._parts)
 
     def _controls(self, *, of_run: bool) -> None:
         gui, asked = self._view.gui, self._asked

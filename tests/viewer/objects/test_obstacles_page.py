@@ -24,7 +24,8 @@ from pseudolidar.pipelines import obstacles as pipeline
 from pseudolidar.running.products.found_clouds import FoundOutputs
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.objects.glimpse import Glimpse
-from pseudolidar.viewer.objects.watch import ObjectWatch, Wish
+from pseudolidar.viewer.objects.teller import Wish
+from pseudolidar.viewer.objects.watch import ObjectWatch
 from tests.pipelines.conftest import write_drive
 from tests.pipelines.test_convert_interrupted import tree
 from tests.pipelines.test_obstacles_interrupted import boxes as boxes

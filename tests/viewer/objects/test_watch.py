@@ -29,7 +29,8 @@ from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.objects.objects import Find
 from pseudolidar.viewer.objects.scene import ObjectScene
 from pseudolidar.viewer.objects.shown import SURE, Band
-from pseudolidar.viewer.objects.watch import ObjectWatch, Wish
+from pseudolidar.viewer.objects.teller import Wish
+from pseudolidar.viewer.objects.watch import ObjectWatch
 from pseudolidar.viewer.remembered import RememberedSights
 
 CORRIDOR = Corridor(2.0, 2.0, 30.0)
