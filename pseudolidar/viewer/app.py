@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import Self
 
 from pseudolidar.viewer.address import Address
+from pseudolidar.viewer.boxes.gathered import Gatherer
 from pseudolidar.viewer.comparing.joined import joined
 from pseudolidar.viewer.drawn_meshes import DrawnMeshes
 from pseudolidar.viewer.drawn_octrees import DrawnOctrees
@@ -15,6 +16,7 @@ from pseudolidar.viewer.drawn_path import DrawnPath
 from pseudolidar.viewer.live_reel import LiveReel
 from pseudolidar.viewer.means import NO_MEANS, Means
 from pseudolidar.viewer.opening import Opened
+from pseudolidar.viewer.panels.box import BoxPanel
 from pseudolidar.viewer.panels.compare import ComparePanel
 from pseudolidar.viewer.panels.detail import DetailPanel
 from pseudolidar.viewer.panels.export import ExportPanel
@@ -38,6 +40,8 @@ TITLE = "pseudolidar"
 FROM_M, AT_M = (-8.0, 0.0, 5.0), (12.0, 0.0, 0.0)
 # From where something that lies still is looked at, as a share of its size.
 FROM_SHARE = (-0.4, -0.2, 0.3)
+# So that all names of tabs have room in one line.
+NARROW_TABS = "<style>[role=tab]{padding-left:6px !important;padding-right:6px !important}</style>"
 
 
 class App:
@@ -76,10 +80,11 @@ class App:
 
     def _add_tabs(self, opened: Opened, sights: RememberedSights | None, means: Means) -> None:
         """Panels that are looked at one at a time; what to do comes first where nothing is open."""
+        self.view.gui.add_html(NARROW_TABS)
         tabs = self.view.gui.add_tab_group()
         reel = self.view.reel
         workshop = means.workshop
-        names = ["Scene", "Tune", "Obstacles", "Compare", "Export", "Help"]
+        names = ["Scene", "Tune", "Obstacles", "Compare", "Points", "Export", "Help"]
         if workshop is None or not isinstance(reel, SourceReel):
             names.remove("Tune")
         if not opened.reels or (isinstance(reel, LiveReel) and not reel.finds):
@@ -104,9 +109,16 @@ class App:
         if "Compare" in tab:
             with tab["Compare"]:
                 self.compare = ComparePanel(self.view, self.companions, means.rigs)
+        if "Points" in tab:
+            with tab["Points"]:
+                gatherer = Gatherer(self.view, self.octrees)
+                self.box = BoxPanel(self.view, self.points, gatherer)
         with tab["Export"]:
             filmed = self.obstacles.filmed if "Obstacles" in tab else None
-            self.export = ExportPanel(self.view, filmed)
+            chosen = self.box.selection if "Points" in tab else dict
+            self.export = ExportPanel(self.view, filmed, chosen)
+        if "Points" in tab:
+            self.box.on_told(self.export.list_clouds)
         with tab["Help"]:
             self.help = HelpPanel(self.view, opened)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,14 @@ from pseudolidar.geometry.twists import inverted
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring
-from pseudolidar.viewer.octree.chosen import Eye, along, chosen, needs_px, point_sizes_m
+from pseudolidar.viewer.octree.chosen import (
+    Eye,
+    along,
+    chosen,
+    needs_px,
+    point_sizes_m,
+    within,
+)
 from pseudolidar.viewer.octree.tree import Octree
 from pseudolidar.viewer.placement import inverse_ray
 from pseudolidar.viewer.stage import MAP, STILL_LOOK, Stage
@@ -33,6 +40,9 @@ PASS_POINTS, PAUSE_S = 300_000, 0.05
 KEPT_SHARE, MOST_WAITING = 0.25, 48
 # Points up to this far from the middles of their nodes lose less than half a millimetre as float16.
 HALF_PRECISION_M = 2.0
+
+# Points that are looked through for what lies in a box.
+MOST_WITHIN = 4_000_000
 
 Node = tuple[str, int]
 
@@ -106,6 +116,27 @@ class DrawnOctrees:
             for name, tree in self._trees.items()
             if self._stage.look(name).visible
         }
+
+    def within(
+        self, sides_of: Callable[[Float64], tuple[Float64, Float64]]
+    ) -> Mapping[str, tuple[PointCloud, Float64, int]]:
+        """What may lie between planes, by name: points, pose (4, 4) in the map, points left out.
+
+        Args:
+            sides_of: pose of a cloud relative to the origin of the scene to planes in its frame,
+                as `Eye.sides` has them.
+        """
+        T_local_map = np.eye(4)
+        T_local_map[:3, 3] = -self._stage.placement.origin_m
+        found = {}
+        for name, tree in self._trees.items():
+            if self._stage.look(name).visible:
+                numbers = np.flatnonzero(within(tree, sides_of(T_local_map)))
+                counts = np.cumsum(tree.nodes["count"][numbers])
+                some = numbers[counts <= MOST_WITHIN]  # the coarsest come first
+                left_out = int(counts[-1:].sum() - counts[: len(some)][-1:].sum())
+                found[name] = tree.cloud(some.tolist()), T_local_map, left_out
+        return found
 
     def drawn_points(self, client_id: int) -> int:
         """How many points a browser draws besides those that all of them draw."""

@@ -87,6 +87,10 @@ class Placement:
         T[:3, 3] -= T[:3, :3] @ self.origin_m
         return T
 
+    def to_local(self, place_m: Float64) -> Float64:
+        """(3,) where a place (3,) of the scene is in the map, relative to the origin."""
+        return moved(inverted(self._T_scene_local), place_m)
+
     @property
     def T_scene_rig(self) -> Float64:
         """(4, 4) maps the frame of the clouds into the scene."""

@@ -213,6 +213,20 @@ def test_a_click_tells_the_point_and_two_their_distance(app: App, opened_page: P
     assert stage._mark.visible
 
 
+def test_a_box_of_points_tells_how_flat_they_are(app: App, opened_page: Page):
+    opened_page.get_by_role("tab", name="Points").click()
+    opened_page.get_by_role("button", name="Box between").click()
+    opened_page.get_by_text("95 % within").wait_for(timeout=60_000)
+    screenshot(opened_page, "box")
+    told = app.box.figures["stereo"]
+    row = opened_page.locator("tr", has_text="from it, RMS").inner_text()
+    assert told.flatness is not None
+    assert f"{1000 * told.flatness.rms_m:.1f} mm" in row
+    assert told.flatness.expected_m is not None
+    assert told.flatness.tilt_deg < 5  # a road
+    app.box.put(None)
+
+
 PLACES = ((8.0, 0.0, -1.6), (12.0, 1.0, -1.6))
 
 

@@ -44,10 +44,16 @@ class ExportPanel:
     Args:
         view: what is looked at.
         objects: of its frames, from the first one on, as they are drawn now; None for none.
+        selection: clouds that somebody chose points of, by name.
     """
 
-    def __init__(self, view: View, objects: Callable[[], FilmedObjects] | None = None) -> None:
-        self._view, self._objects = view, objects
+    def __init__(
+        self,
+        view: View,
+        objects: Callable[[], FilmedObjects] | None = None,
+        selection: Callable[[], Mapping[str, PointCloud]] = dict,
+    ) -> None:
+        self._view, self._objects, self._selection = view, objects, selection
         self._names: tuple[str, ...] = ()
         self._asked, self._lock = set[int](), threading.Lock()
         view.server.pages |= {"/export/cloud": self._cloud, "/export/scene": self._scene}
@@ -63,6 +69,10 @@ class ExportPanel:
         view.on_shown(self._show)
 
     def _show(self, _moment: Moment) -> None:
+        self.list_clouds()
+
+    def list_clouds(self) -> None:
+        """Links to all that there is."""
         names = tuple(self._clouds())
         if names != self._names:
             self._names = names
@@ -71,7 +81,7 @@ class ExportPanel:
     def _clouds(self) -> dict[str, PointCloud]:
         moment = self._view.moment
         shown = {} if moment is None else dict(moment.clouds)
-        return shown | dict(self._view.stage.whole_stills)
+        return shown | dict(self._view.stage.whole_stills) | dict(self._selection())
 
     def _cloud(self, query: Mapping[str, str]) -> Answer:
         cloud, kind = self._clouds().get(query.get("name", "")), query.get("kind", "")

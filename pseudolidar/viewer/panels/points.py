@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -39,6 +39,7 @@ class PointsPanel:
     def __init__(self, view: View, others: Sequence[Pickable]) -> None:
         self._view, self._others = view, others
         self._last: tuple[Picked, Float64] | None = None
+        self._listeners: list[Callable[[Float64], None]] = []
         self._text = view.gui.add_markdown(HINT)
         view.server.viser.scene.on_click()(self._clicked)
         view.on_shown(self._forget)
@@ -70,3 +71,9 @@ class PointsPanel:
             lines += [f"before: {before.text}", f"**{apart_m:.3f} m** apart"]
         self._last = found, place
         self._text.content = "\n\n".join(lines)
+        for listener in self._listeners:
+            listener(place)
+
+    def on_picked(self, listener: Callable[[Float64], None]) -> None:
+        """Call this with the place (3,) in the scene of every point that is clicked on."""
+        self._listeners.append(listener)

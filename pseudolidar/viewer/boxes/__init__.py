@@ -1,0 +1,1 @@
+"""Boxes that somebody sets into the scene, and what their points tell."""

@@ -1,0 +1,164 @@
+"""The box of points in an app, without a browser."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from pseudolidar.formats.points.pcd import decode_pcd
+from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.viewer.address import Address
+from pseudolidar.viewer.app import App
+from pseudolidar.viewer.boxes.region import Region
+from pseudolidar.viewer.controls import set_value
+from pseudolidar.viewer.octree.build import built
+from pseudolidar.viewer.opening import Opened
+from pseudolidar.viewer.panels.box import BoxPanel
+from pseudolidar.viewer.stills import StillCloud, StillOctree
+from tests.viewer.clients import wait_until
+from tests.viewer.test_filming import Frames
+
+UTM = np.array([450_000.0, 5_400_000.0, 100.0])
+
+
+def ground(count: int = 5000) -> PointCloud:
+    rng = np.random.default_rng(0)
+    xyz = UTM + rng.uniform((0, -5, 0), (20, 5, 0), (count, 3))
+    return PointCloud(xyz, "map", intensity=rng.random(count).astype(np.float32))
+
+
+@pytest.fixture(scope="module")
+def app() -> Iterator[App]:
+    stills = (StillCloud("a.ply", ground()), StillOctree("b.ply", built(ground(400_000))))
+    with App.made(Address(port=0), Opened(stills=stills)) as made:
+        yield made
+
+
+@pytest.fixture
+def box(app: App) -> Iterator[BoxPanel]:
+    yield app.box
+    app.box.put(None)
+
+
+def settled(box: BoxPanel) -> BoxPanel:
+    assert box._work.idle(10)
+    return box
+
+
+def click(app: App, x: float, y: float) -> None:
+    """On a place of the ground, from above."""
+    at = UTM + np.array([x, y, 0]) - app.view.stage.placement.origin_m
+    app.points.click(at + np.array([0, 0, 8.0]), np.array([0, 0, -1.0]))
+
+
+def test_a_box_about_a_click_tells_of_all_points_there(app: App, box: BoxPanel):
+    here, between = box._buttons
+    click(app, 10, 1)
+    assert not here.disabled
+    box._here()
+    told = settled(box).figures
+    assert set(told) == {"a.ply", "b.ply"}
+    # 2 m x 2 m of 20 m x 10 m; of the large cloud all points, not the drawn ones.
+    assert len(told["b.ply"].points) == pytest.approx(400_000 / 50, rel=0.05)
+    assert told["b.ply"].middle_m == pytest.approx(UTM + np.array([10, 1, 0]), abs=0.1)
+    for one in told.values():
+        assert one.flatness is not None
+        assert one.flatness.tilt_deg < 0.01
+        assert one.flatness.rms_m < 1e-3
+    assert "b.ply" in box._text.content
+    assert box._drawn._frame.visible
+    assert np.abs(box._drawn._frame.position).max() < 20  # not UTM
+    click(app, 14, 3)
+    assert not between.disabled
+    box._between()
+    told = settled(box).figures
+    assert told["b.ply"].along_m == pytest.approx((4.4, 2.4, 0), abs=0.05)
+    assert box._size.value == pytest.approx((4.4, 2.4, 0.4), abs=0.1)
+
+
+def test_sizes_turns_and_handles_change_it(app: App, box: BoxPanel):
+    click(app, 10, 0)
+    box._here()
+    set_value(box._size, (4.0, 1.0, 1.0))
+    wait_until(lambda: box.region is not None and box.region.size_m[0] == 4)
+    set_value(box._turn, 90.0)
+    wait_until(lambda: box.region is not None and abs(box.region.turn_deg - 90) < 1e-6)
+    reach = settled(box).figures["b.ply"].points.xyz
+    assert np.ptp(reach, axis=0) == pytest.approx((1, 4, 0), abs=0.05)
+    handles = box._drawn._handles
+    handles.position = np.array([2.0, 1.0, 0.5])
+    handles.wxyz = np.array([1.0, 0, 0, 0])
+    box._drawn._drag()
+    assert box.region is not None
+    assert box.region.T_local_box[:3, 3] == pytest.approx((2, 1, 0.5))
+    wait_until(lambda: box._turn.value == 0)
+    assert box._drawn._frame.position == pytest.approx((2, 1, 0.5))
+    handles.position = np.array([1e30, 0, 0])
+    box._drawn._drag()
+    assert settled(box).figures == {}
+
+
+def test_it_turns_to_the_plane(app: App, box: BoxPanel):
+    region = Region.about(np.array([0.0, 0, 0.3]), np.full(3, 3.0))
+    T = region.T_local_box
+    T[:3, :3] = [[0.96, 0, 0.28], [0, 1, 0], [-0.28, 0, 0.96]]
+    box.put(region)
+    settled(box)
+    assert not box._flush.disabled
+    box._to_plane()
+    assert box.region is not None
+    assert np.allclose(np.abs(box.region.T_local_box[:3, :3]), np.eye(3), atol=1e-3)
+    assert box.region.T_local_box[2, 3] == pytest.approx(0, abs=1e-3)
+
+
+def test_hidden_clouds_and_boxes_tell_nothing(app: App, box: BoxPanel):
+    click(app, 10, 0)
+    box._here()
+    app.scene._folders["b.ply"].set(visible=False)
+    box.put(box.region)
+    assert set(settled(box).figures) == {"a.ply"}
+    app.scene._folders["b.ply"].set(visible=True)
+    set_value(box._shown, False)
+    wait_until(lambda: box.region is None)
+    wait_until(lambda: box._text.content == "")
+    assert not box._drawn._frame.visible
+    set_value(box._shown, True)
+
+
+def test_buttons_pressed_without_points_do_nothing(app: App, box: BoxPanel):
+    box._clicked.clear()
+    box._here()
+    box._between()
+    box._to_plane()
+    set_value(box._size, (3.0, 3.0, 3.0))
+    set_value(box._turn, 12.0)
+    assert box.region is None
+
+
+def test_its_points_are_files_in_tab_export(app: App, box: BoxPanel):
+    click(app, 10, 0)
+    box._here()
+    settled(box)
+    assert "box of b.ply" in app.export._links.content
+    answer = app.export._cloud({"name": "box of b.ply", "kind": "pcd"})
+    cloud = decode_pcd(answer.body)
+    told = box.figures["b.ply"].points
+    assert np.allclose(cloud.xyz, told.xyz, atol=1e-3)
+    assert cloud.intensity is not None
+    box.put(None)
+    settled(box)
+    assert "box of" not in app.export._links.content
+
+
+def test_frames_tell_anew_and_the_box_stays_in_the_map():
+    with App.made(Address(port=0), Opened((Frames(),))) as app:
+        app.view.start()
+        wait_until(lambda: app.view.moment is not None)
+        local = np.array([10.0, 0, 0])
+        app.box.put(Region.about(local, np.full(3, 2.0)))
+        wait_until(lambda: bool(app.box.figures))
+        before = next(iter(app.box.figures.values())).middle_m
+        app.view.step(1)  # the rig drives 1 m
+        wait_until(lambda: next(iter(app.box.figures.values())).middle_m[0] < before[0] - 0.8)
