@@ -9,8 +9,8 @@ import numpy as np
 
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.twists import exp_twist, inverted, log_twist, rigid
-from pseudolidar.mapping.extrapolating import MOST_UNSURE_M, unsure_m
-from pseudolidar.mapping.path import stacked, step_doubt
+from pseudolidar.mapping.extrapolating import MOST_UNSURE_M
+from pseudolidar.mapping.path import stacked, step_doubt, unsure_m
 from pseudolidar.mapping.steadiness import Steadiness
 from pseudolidar.structures.arrays import Float64, Int64
 from pseudolidar.structures.pose import Trajectory

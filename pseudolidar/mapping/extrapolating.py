@@ -11,6 +11,7 @@ from pseudolidar.errors import OdometryLost
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.frames import ODOM
 from pseudolidar.geometry.twists import exp_twist, log_twist, rigid
+from pseudolidar.mapping.path import unsure_m
 from pseudolidar.mapping.registered import OdometryChain, Registered
 from pseudolidar.mapping.steadiness import Steadiness
 from pseudolidar.structures.arrays import Float64
@@ -147,8 +148,3 @@ class _Last:
             want=f"at most {reach}",
             where=f"frame {self.name}",
         )
-
-
-def unsure_m(covariance: Float64) -> float:
-    """How far a pose of this doubt (6, 6) may be off in its worst direction, one sigma, m."""
-    return float(np.sqrt(max(0.0, np.linalg.eigvalsh(covariance[:3, :3])[-1])))

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.frames import ODOM
-from pseudolidar.geometry.grey import grey8_pair
 from pseudolidar.geometry.twists import exp_twist, inverted, log_twist
 from pseudolidar.mapping.alignment import Alignment, Prior, align, lying_at
 from pseudolidar.mapping.disparity_offset import Offset
-from pseudolidar.mapping.fused_path import FusedPath, FusedStep
+from pseudolidar.mapping.fused_path import FusedPath, FusedStep, Place, VisionPart, step_between
+from pseudolidar.mapping.fused_sight import Anchor, FusedSight
 from pseudolidar.mapping.integrity import StepCheck, checked
 from pseudolidar.mapping.kiss_library import load_kiss
-from pseudolidar.mapping.patches import Patches, find_patches
 from pseudolidar.mapping.registered import Registered
 from pseudolidar.mapping.scan_witness import ScanPlanes, ScanWitness
 from pseudolidar.mapping.second_look import SecondLook
 from pseudolidar.mapping.surface_map import SurfaceMap, Surfaces
-from pseudolidar.structures.arrays import Float64, UInt8
+from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.box import Detection
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.correction import DisparityCorrection
@@ -31,13 +30,12 @@ from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.odometry import CameraStep, OdometryState
 from pseudolidar.structures.pose import Pose, Trajectory
 
-# A map of stereo patches: side of its voxels, reach, depth of what enters it, and how far
-# predictions are off at first, m.
-VOXEL_M, REACH_M, MAPPED_M, FIRST_THRESHOLD_M = 0.4, 40.0, 25.0, 0.15
+# A map of stereo patches: side of its voxels, reach, and how far predictions are off at first, m.
+VOXEL_M, REACH_M, FIRST_THRESHOLD_M = 0.4, 40.0, 0.15
 # Patches are matched within so many of KISS-ICP's thresholds.
 WITHIN_THRESHOLDS = 3.0
-# So many patches of a frame say what all of them say.
-MOST_PATCHES = 1500
+# Frames in a row that nobody need see.
+REACH = 5
 # How well a step is known that took a wrong one's place, one standard deviation, m and rad.
 REPLACED_M, REPLACED_RAD = 0.02, 0.002
 
@@ -66,31 +64,24 @@ class Seeing(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """What a frame shows, made ready."""
-
-    timestamp_ns: int
-    grey: UInt8
-    patches: Patches
-    some: Patches
-    scan: ScanPlanes | None
-
-
 class FusedChain:
     """Vision's steps, checked and laid on maps of patches and of scans, in order.
+
+    What vision loses is laid on the map of scans alone; what scans do not show is vision's.
 
     Args:
         visual: begun.
         rig: rectified.
+        reach: frames in a row that both may lose; with one more the piece of path has ended.
     """
 
-    def __init__(self, visual: Seeing, rig: StereoRig) -> None:
-        self._visual, self._rig = visual, rig
+    def __init__(self, visual: Seeing, rig: StereoRig, *, reach: int = REACH) -> None:
+        self._visual, self._rig, self._reach = visual, rig, reach
         self._kiss = load_kiss(voxel_m=VOXEL_M, farthest_m=REACH_M, threshold_m=FIRST_THRESHOLD_M)
         self._pieces: list[FusedPath] = []
-        self._last: _Seen | None = None
+        self._anchor: Anchor | None = None
         self._twist_per_s: Float64 | None = None
+        self._lost = 0
 
     @property
     def correction(self) -> DisparityCorrection | None:
@@ -100,10 +91,7 @@ class FusedChain:
     def trajectories(self) -> tuple[Trajectory, ...]:
         """Poses with all that is known by now, and covariances, piece by piece."""
         by_vision, offset = self._visual.trajectories(), self._visual.offset
-        return tuple(
-            piece.settled(vision, offset)
-            for piece, vision in zip(self._pieces, by_vision, strict=True)
-        )
+        return tuple(piece.settled(by_vision, offset) for piece in self._pieces)
 
     def register(
         self, frame: StereoFrame, disparity: DisparityMap, movable: Sequence[Detection] = ()
@@ -118,19 +106,18 @@ class FusedChain:
         Raises:
             SequenceTime: the frame is not later than the one before.
         """
-        state = self._visual.register(frame, disparity, movable)
-        if state.status == "lost":
-            return Registered(state)
-        patches = find_patches(disparity, self._rig.with_correction(self._visual.correction))
-        some = patches[:: max(1, len(patches) // MOST_PATCHES)]
-        grey = grey8_pair(frame.left, frame.right)[0]
-        seen = _Seen(frame.timestamp_ns, grey, patches, some, self._scan_of(frame))
-        if state.step is None or self._last is None:
-            told = self._begin(state, seen)
-        else:
-            told = self._go_on(state, state.step, seen, self._last)
-        self._last = seen
-        return told
+        state, scan = self._visual.register(frame, disparity, movable), self._scan_of(frame)
+        if not state.measured:
+            return self._by_scan(state, frame.timestamp_ns, scan) or self._lose(state)
+        rig = self._rig.with_correction(self._visual.correction)
+        seen = FusedSight.of(frame, disparity, rig, scan)
+        if state.step is None or self._anchor is None:
+            return self._anew(state, seen)
+        return self._go_on(state, state.step, seen, self._anchor)
+
+    @property
+    def _path(self) -> FusedPath:
+        return self._pieces[-1]
 
     def _scan_of(self, frame: StereoFrame) -> ScanPlanes | None:
         T_left_lidar = self._rig.T_left_velodyne
@@ -138,40 +125,81 @@ class FusedChain:
             return None
         return ScanPlanes.of(frame.scan, T_left_lidar)
 
-    def _begin(self, state: OdometryState, seen: _Seen) -> Registered:
+    def _anew(self, state: OdometryState, seen: FusedSight) -> Registered:
+        """Vision begins a piece: the path goes on if the scan says where, or begins as well."""
+        told = self._by_scan(state, seen.timestamp_ns, seen.scan)
+        if told is None:
+            told = self._begin(state, seen)
+        self._map.add(seen.mapped_xyz, self._path.last.T_odom_camera)
+        self._anchor = Anchor(seen, self._path.last, state.piece, 0)
+        return told
+
+    def _begin(self, state: OdometryState, seen: FusedSight) -> Registered:
         self._pieces.append(FusedPath(seen.timestamp_ns))
         self._map, self._threshold = SurfaceMap(self._kiss), self._kiss.threshold()
-        self._twist_per_s, self._scans = None, ScanWitness()
-        self._remember(seen, np.eye(4))
-        return Registered(state)
+        self._twist_per_s, self._scans, self._lost = None, ScanWitness(), 0
+        if seen.scan:
+            self._scans.remember(seen.scan, np.eye(4))
+        return Registered(replace(state, piece=len(self._pieces) - 1), sensors="vision")
+
+    def _lose(self, state: OdometryState) -> Registered:
+        self._lost += 1
+        return Registered(replace(state, piece=max(0, len(self._pieces) - 1)))
+
+    def _by_scan(
+        self, state: OdometryState, timestamp_ns: int, scan: ScanPlanes | None
+    ) -> Registered | None:
+        """The frame where its scan lies on the map; None where that does not say enough."""
+        twist = self._twist_per_s
+        if scan is None or twist is None or self._lost > self._reach:
+            return None
+        last = self._path.last
+        seconds = (timestamp_ns - last.timestamp_ns) / NS_PER_S
+        found = self._scans.alone(scan, last.T_odom_camera @ exp_twist(seconds * twist))
+        if found is None:
+            return None
+        T_from_to = inverted(last.T_odom_camera) @ found.T_odom_sensor
+        covariance = np.asarray(np.linalg.inv(found.information))
+        step = FusedStep(T_from_to, covariance, np.zeros(6))
+        self._scans.remember(scan, found.T_odom_sensor)
+        told = self._told(state, step, last, last, self._path.add(timestamp_ns, step))
+        return Registered(told, alignment=found, sensors="scan")
 
     def _go_on(
-        self, state: OdometryState, step: CameraStep, seen: _Seen, last: _Seen
+        self, state: OdometryState, step: CameraStep, seen: FusedSight, anchor: Anchor
     ) -> Registered:
-        path = self._pieces[-1]
-        seconds = (seen.timestamp_ns - last.timestamp_ns) / NS_PER_S
+        """By vision's step from the frame that it placed last, which scans may have gone beyond."""
         surfaces = self._map.surfaces()
         within_m = WITHIN_THRESHOLDS * float(self._threshold.get_threshold())
-        check = self._checked(step, seen, last, surfaces, within_m)
-        prior = self._prior(step, check, with_offset=seen.scan is not None)
+        check = self._checked(step, seen, anchor, surfaces, within_m)
+        prior = self._prior(step, check, anchor, with_offset=seen.scan is not None)
         by_scan = self._scans.align(seen.scan, prior) if seen.scan else None
         found = by_scan or align(seen.some, surfaces, prior, within_m=within_m)
         self._threshold.update_model_deviation(inverted(prior.T_odom_sensor) @ found.T_odom_sensor)
-        self._remember(seen, found.T_odom_sensor)
         if check.wrong:
             doubt = np.asarray(np.linalg.inv(prior.information))
             step = replace(step, covariance=doubt, by_offset=np.zeros(6))
         # A scan has put right by then what vision learns later of the rig.
         follows = float(not check.wrong and by_scan is None)
-        fused = _fused(path.T_odom_camera, step, prior, found, follows=follows)
-        path.add(seen.timestamp_ns, fused)
-        self._twist_per_s = log_twist(fused.T_from_to) / seconds
-        return Registered(self._told(state, step, fused), check, found, by_scan is not None)
+        fused = _fused(anchor, step, prior, found, follows=follows)
+        last = self._path.last
+        now = self._path.add(seen.timestamp_ns, fused, anchor.place)
+        told = self._told(state, fused, anchor.place, last, now)
+        self._map.add(seen.mapped_xyz, found.T_odom_sensor)
+        if seen.scan:
+            self._scans.remember(seen.scan, found.T_odom_sensor)
+        self._anchor = Anchor(seen, self._path.last, anchor.piece, anchor.frame + 1)
+        return Registered(told, check, found, "vision" if by_scan is None else "vision and scan")
 
     def _checked(
-        self, step: CameraStep, seen: _Seen, last: _Seen, surfaces: Surfaces, within_m: float
+        self,
+        step: CameraStep,
+        seen: FusedSight,
+        anchor: Anchor,
+        surfaces: Surfaces,
+        within_m: float,
     ) -> StepCheck:
-        T_odom, twist = self._pieces[-1].T_odom_camera, self._twist_per_s
+        T_odom, last, twist = anchor.place.T_odom_camera, self._path.last, self._twist_per_s
         seconds = (seen.timestamp_ns - last.timestamp_ns) / NS_PER_S
 
         def map_score(T_from_to: Float64) -> float:
@@ -180,14 +208,16 @@ class FusedChain:
 
         return checked(
             step.T_from_to,
-            None if twist is None else exp_twist(seconds * twist),
-            SecondLook(last.grey, seen.grey, seen.patches, self._rig),
+            None if twist is None else anchor.place.to(last) @ exp_twist(seconds * twist),
+            SecondLook(anchor.seen.grey, seen.grey, seen.patches, self._rig),
             map_score,
         )
 
-    def _prior(self, step: CameraStep, check: StepCheck, *, with_offset: bool) -> Prior:
+    def _prior(
+        self, step: CameraStep, check: StepCheck, anchor: Anchor, *, with_offset: bool
+    ) -> Prior:
         """What vision knows; the offset's doubt is none of patches, which share it."""
-        T_prior = self._pieces[-1].T_odom_camera @ check.T_from_to
+        T_prior = anchor.place.T_odom_camera @ check.T_from_to
         if check.wrong:
             return Prior.within(T_prior, metres=REPLACED_M, rad=REPLACED_RAD)
         covariance = step.covariance
@@ -196,39 +226,35 @@ class FusedChain:
             covariance = covariance + np.outer(by_offset, by_offset)
         return Prior(T_prior, np.asarray(np.linalg.inv(covariance)))
 
-    def _told(self, state: OdometryState, step: CameraStep, fused: FusedStep) -> OdometryState:
+    def _told(
+        self, state: OdometryState, step: FusedStep, start: Place, last: Place, now: Place
+    ) -> OdometryState:
         """Vision's state with the pose, the step and the doubts that are right in the end."""
-        path = self._pieces[-1]
+        T_from_to, doubt = step_between(last, start, now, step)
+        self._twist_per_s = log_twist(T_from_to) / (
+            (now.timestamp_ns - last.timestamp_ns) / NS_PER_S
+        )
+        frames, self._lost = self._lost + 1, 0
         return replace(
             state,
-            T_odom_camera=Pose(ODOM, self._rig.left.frame, path.T_odom_camera),
-            step=replace(
-                step,
-                T_from_to=fused.T_from_to,
-                covariance=fused.covariance,
-                by_offset=fused.by_offset,
-            ),
-            covariance=path.doubt.total(self._visual.offset),
+            status="ok",
+            T_odom_camera=Pose(ODOM, self._rig.left.frame, now.T_odom_camera),
+            step=CameraStep(T_from_to, doubt, frames=frames, by_offset=step.by_offset),
+            covariance=now.doubt.total(self._visual.offset),
+            piece=len(self._pieces) - 1,
         )
-
-    def _remember(self, seen: _Seen, T_odom_camera: Float64) -> None:
-        patches = seen.patches
-        self._map.add(patches.xyz[patches.depth_m < MAPPED_M], T_odom_camera)
-        if seen.scan:
-            self._scans.remember(seen.scan, T_odom_camera)
 
 
 def _fused(
-    T_odom_last: Float64, step: CameraStep, prior: Prior, found: Alignment, *, follows: float
+    anchor: Anchor, step: CameraStep, prior: Prior, found: Alignment, *, follows: float
 ) -> FusedStep:
     """The step that was found, and how far it follows vision's when that is put right."""
     total = np.asarray(np.linalg.inv(found.information))
     gain = total @ prior.information
     others = found.information - prior.information
     return FusedStep(
-        inverted(T_odom_last) @ found.T_odom_sensor,
-        step.T_from_to,
-        follows * gain,
+        inverted(anchor.place.T_odom_camera) @ found.T_odom_sensor,
         gain @ step.covariance @ gain.T + total @ others @ total,
         gain @ step.by_offset,
+        VisionPart(anchor.piece, anchor.frame, anchor.frame + 1, step.T_from_to, follows * gain),
     )

@@ -58,7 +58,7 @@ class KissChain:
         state = self._scans.register(frame.scan, frame.timestamp_ns)
         state = of_camera(state, T_left_lidar)
         self._told.append((frame.timestamp_ns, state))
-        return Registered(state)
+        return Registered(state, sensors="scan" if state.measured else "none")
 
     def trajectories(self) -> tuple[Trajectory, ...]:
         """Poses of the left camera as they were told, with covariances, piece by piece."""

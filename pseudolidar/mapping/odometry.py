@@ -58,7 +58,8 @@ class Kiss:
 class Fused:
     """Stereo visual odometry whose every step is checked and laid on KISS-ICP's map.
 
-    Frames that have a scan of a LiDAR are laid on the map of scans instead of that of patches.
+    Frames that have a scan of a LiDAR are laid on the map of scans instead of that of patches; what
+    vision loses is laid there by its scan alone.
 
     Args:
         visual: settings of vision.
@@ -74,7 +75,7 @@ class Fused:
         """
         from pseudolidar.mapping.fused_chain import FusedChain
 
-        chain = FusedChain(self.visual.start(rig), rig)
+        chain = FusedChain(self.visual.start(rig), rig, reach=self.visual.reach)
         return ExtrapolatingChain(chain, reach=self.visual.reach)
 
 
@@ -95,7 +96,8 @@ class VisionChain:
         self, frame: StereoFrame, disparity: DisparityMap, movable: Sequence[Detection] = ()
     ) -> Registered:
         """Where the next frame was taken."""
-        return Registered(self._visual.register(frame, disparity, movable))
+        state = self._visual.register(frame, disparity, movable)
+        return Registered(state, sensors="vision" if state.measured else "none")
 
     @property
     def correction(self) -> DisparityCorrection | None:

@@ -143,6 +143,11 @@ def step_doubt(before: Float64, now: Float64, T_from_to: Float64) -> Float64:
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
+def unsure_m(covariance: Float64) -> float:
+    """How far a pose of this doubt (6, 6) may be off in its worst direction, one sigma, m."""
+    return float(np.sqrt(max(0.0, np.linalg.eigvalsh(covariance[:3, :3])[-1])))
+
+
 def stacked(
     timestamps_ns: Sequence[int],
     poses: Sequence[Float64],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from pseudolidar.structures.box import Detection
 from pseudolidar.structures.correction import DisparityCorrection
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from pseudolidar.mapping.alignment import Alignment
     from pseudolidar.mapping.integrity import StepCheck
 
+# By which sensors a pose was measured.
+Sensors = Literal["none", "vision", "scan", "vision and scan"]
+
 
 @dataclass(frozen=True, eq=False)
 class Registered:
@@ -26,13 +29,18 @@ class Registered:
         state: as vision tells it, of the pose that is right in the end.
         check: what other witnesses said of vision's step; None where there was none.
         alignment: how the frame lies on the map; None without a map.
-        by_scan: whether that is the frame's scan on the map of scans, and not its patches.
+        sensors: by which its pose was measured; `none` where it was not.
     """
 
     state: OdometryState
     check: StepCheck | None = None
     alignment: Alignment | None = None
-    by_scan: bool = False
+    sensors: Sensors = "none"
+
+    @property
+    def by_scan(self) -> bool:
+        """Whether the alignment is of the frame's scan on the map of scans, and not of patches."""
+        return self.sensors in ("scan", "vision and scan")
 
 
 class OdometryChain(Protocol):

@@ -13,6 +13,7 @@ import numpy as np
 from pseudolidar.mapping.alignment import Alignment, Prior, align
 from pseudolidar.mapping.kiss_library import load_kiss, thinned
 from pseudolidar.mapping.patches import Patches
+from pseudolidar.mapping.path import unsure_m
 from pseudolidar.mapping.scan_map import ready
 from pseudolidar.mapping.surface_map import SurfaceMap, Surfaces
 from pseudolidar.structures.arrays import Float64
@@ -26,6 +27,10 @@ VOXEL_M, FARTHEST_M, MOST_PLANES = 0.5, 60.0, 2500
 NEAREST_M = 1.0
 # One standard deviation of a range, m, and how far steps of vision are off at first.
 SIGMA_M, FIRST_THRESHOLD_M = 0.02, 0.15
+# Without vision: how far a pose may be from where the sensor would go on to, one standard
+# deviation, m and rad; the share of a scan that must lie on the map; and how unsure its planes may
+# leave a place, m, with what little is known of directions in which they slide.
+GUESSED_M, GUESSED_RAD, LEAST_ALONE, MOST_UNSURE_M, SLIDING = 0.3, 0.03, 0.5, 0.1, 1e-2
 # Planes are matched within so many thresholds. A scan says something if it has so many planes, and
 # so large a share of them lies on the map.
 WITHIN_THRESHOLDS, LEAST_PLANES, LEAST_MATCHED = 3.0, 100, 0.3
@@ -79,6 +84,18 @@ class ScanWitness:
         within_m = WITHIN_THRESHOLDS * self._threshold.get_threshold()
         found = align(scan.planes, self._map.surfaces(), prior, within_m=within_m)
         return found if found.matched >= LEAST_MATCHED else None
+
+    def alone(self, scan: ScanPlanes, T_guess: Float64) -> Alignment | None:
+        """The pose of a scan near a guess (4, 4), where nothing else is known of it.
+
+        None where it does not lie on the map, or could slide along it.
+        """
+        prior = Prior.within(T_guess, metres=GUESSED_M, rad=GUESSED_RAD)
+        found = self.align(scan, prior)
+        if found is None or found.matched < LEAST_ALONE:
+            return None
+        held = np.asarray(np.linalg.inv(found.from_map + SLIDING * np.eye(6)))
+        return found if unsure_m(held) <= MOST_UNSURE_M else None
 
     def remember(self, scan: ScanPlanes, T_odom_camera: Float64) -> None:
         """Add a scan where it is."""

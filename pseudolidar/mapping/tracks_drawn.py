@@ -52,6 +52,8 @@ def words_of(state: OdometryState) -> str:
     if state.status == "first":
         return f"first of piece {state.piece}"
     assert state.step is not None  # of every frame that is neither
+    if state.tracks is None:
+        return f"placed by its scan, {state.step.distance_m:.3f} m"
     parts = [
         f"{state.inliers} of {state.n_tracks} points agree",
         f"keyframe {state.keyframe_gap} back",

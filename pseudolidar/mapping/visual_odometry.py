@@ -16,7 +16,7 @@ from pseudolidar.geometry.twists import adjoint, exp_twist, inverted, log_twist
 from pseudolidar.mapping.disparity_offset import Offset, OffsetEstimate, by_offset, unscaled
 from pseudolidar.mapping.keyframe import Keyframe, Sight, movable_pixels
 from pseudolidar.mapping.keyframes import Keyframes
-from pseudolidar.mapping.path import Hung
+from pseudolidar.mapping.path import Hung, unsure_m
 from pseudolidar.mapping.registration import covariance, inliers, registered
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.box import Detection
@@ -211,9 +211,9 @@ class VisualChain:
         agree = inliers(motion)
         if agree < least:
             return f"{agree} points agree on a motion, {least} are wanted"
-        unsure_m = float(np.sqrt(np.linalg.eigvalsh(covariance(motion)[:3, :3])[-1]))
-        if unsure_m > MOST_UNSURE_M:
-            return f"a motion known to {unsure_m:.1f} m only: all that is seen is too far away"
+        off_m = unsure_m(covariance(motion))
+        if off_m > MOST_UNSURE_M:
+            return f"a motion known to {off_m:.1f} m only: all that is seen is too far away"
         return motion
 
     def _go_on(self, sight: Sight, timestamp_ns: int, motion: RelativePose) -> OdometryState:

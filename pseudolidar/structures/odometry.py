@@ -84,7 +84,7 @@ class OdometryState:
         weights: (N,) 0-1 of each track: near 0 for wrong ones and things that move.
         keyframe_gap: how many frames before this one that keyframe was; 0 where there was no step.
         keyframe: whether the frames after this one are compared with it.
-        why: what was missing, where nothing was measured.
+        why: what was missing, where nothing was measured, or by scans alone.
         ended: of the frame with which a piece of path is given up: it ends at the last frame that
             was measured.
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +32,7 @@ class Drive:
     T_odom: np.ndarray
 
     @classmethod
+    @functools.cache
     def through(cls, world: str, frames: int, **options: int) -> Drive:
         source = Synthetic(world, frames=frames, **options).open()
         return cls.of([source.load(i) for i in range(frames)])

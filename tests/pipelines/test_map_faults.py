@@ -149,6 +149,17 @@ def test_dark_pairs_are_bridged_and_in_no_map(root: Path, capsys):
     assert len([note for note in notes if note.startswith("pose extrapolated")]) == 1
 
 
+def test_scans_carry_on_through_the_dark(root: Path, capsys):
+    blacken(root, 2, 3)
+    code, answer = told(capsys, root)
+    path = answer["trajectory"]
+    assert (code, path["frames"], path["extrapolated"], path["lost"]) == (0, 6, [], [])
+    assert path["by_sensors"] == {"vision": 1, "vision and scan": 3, "scan": 2}
+    assert path["ape_rmse_m"] < 0.02
+    rows = list(csv.DictReader((root.parent / "out" / "frames.csv").open()))
+    assert [row["frame"] for row in rows if row["sensors"] == "scan"] == ["000002", "000003"]
+
+
 def test_too_long_in_the_dark_ends_the_path_and_says_so(root: Path, capsys):
     blacken(root, 2, 3)
     more = ("--odometry", "vision", "--odometry.visual.reach", "1")

@@ -8,18 +8,19 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pseudolidar.formats.atomic import write_atomic
-from pseudolidar.mapping.extrapolating import unsure_m
+from pseudolidar.mapping.path import unsure_m
 from pseudolidar.running.mapped.walked import Piece, Walked
 
 FRAME_TABLE = "frames.csv"
-COLUMNS = ("frame", "index", "timestamp_ns", "status", "piece", "row", "sigma_m", "why")
+COLUMNS = ("frame", "index", "timestamp_ns", "status", "sensors", "piece", "row", "sigma_m", "why")
 
 
 def write_frame_table(folder: Path, walked: Walked) -> Path:
     """Write a line for each frame, lost ones too.
 
-    `piece` and `row` count from 1: the pose is line `row` of the file of that piece, of those that
-    are no comment; `sigma_m` is one standard deviation of its place in the worst direction.
+    `sensors` measured the pose; `piece` and `row` count from 1: it is line `row` of the file of
+    that piece, of those that are no comment; `sigma_m` is one standard deviation of its place in
+    the worst direction.
 
     Raises:
         OutputError: the disk is full or gone.
@@ -30,7 +31,8 @@ def write_frame_table(folder: Path, walked: Walked) -> Path:
     table.writerow(COLUMNS)
     for one in walked.placed:
         known = rows.get(one.id, ("", "", ""))
-        table.writerow([one.id, one.index, one.timestamp_ns, one.status, *known, one.why])
+        told = (one.timestamp_ns, one.status, one.sensors)
+        table.writerow([one.id, one.index, *told, *known, one.why])
     write_atomic(folder / FRAME_TABLE, lines.getvalue().encode())
     return folder / FRAME_TABLE
 

@@ -67,6 +67,7 @@ class Walk:
                 # Of masks the boxes are kept: memory must not grow by a picture a frame.
                 tuple(replace(one, mask=None) for one in movable),
                 state.ended,
+                registered.sensors,
             )
         )
         pose = state.T_odom_camera if state.measured else None

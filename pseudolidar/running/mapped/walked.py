@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 
 from pseudolidar.errors import OdometryLost
+from pseudolidar.mapping.registered import Sensors
 from pseudolidar.structures.arrays import Bool, Float64, Int64
 from pseudolidar.structures.box import Detection
 from pseudolidar.structures.loop import LoopClosure
@@ -25,7 +26,7 @@ class Placed:
         index: place in the source.
         timestamp_ns: when it was taken.
         status: `first` of a piece of path, `ok`, `extrapolated`, `lost`.
-        why: what was missing, where nothing was measured of it.
+        why: what was missing, where nothing was measured of it, or vision saw nothing.
         piece: of the path.
         tracks: points that were followed.
         inliers: how many of them agree.
@@ -33,6 +34,7 @@ class Placed:
         T_map_camera: (4, 4) ground truth of the left camera, where the source knows it.
         movable: things in its left image that may move by themselves, as boxes.
         ended: of the frame with which a piece of path was given up.
+        sensors: by which its pose was measured.
     """
 
     id: str
@@ -47,6 +49,7 @@ class Placed:
     T_map_camera: Float64 | None
     movable: tuple[Detection, ...] = ()
     ended: OdometryLost | None = None
+    sensors: Sensors = "none"
 
     @property
     def lost(self) -> bool:
@@ -57,6 +60,11 @@ class Placed:
     def measured(self) -> bool:
         """Whether something was seen of how it moved, or a piece of path begins here."""
         return self.status in ("first", "ok")
+
+    @property
+    def blind(self) -> bool:
+        """Whether a scan alone says where it was taken, because vision lost it."""
+        return self.sensors == "scan" and bool(self.why)
 
     def settled(self, *, between: bool) -> Self:
         """As it is in the end: extrapolated between frames that were measured, or else lost."""

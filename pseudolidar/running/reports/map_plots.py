@@ -77,11 +77,14 @@ def tracks_plot(placed: Sequence[Placed]) -> Picture:
     axes.plot(numbers, inliers, color=GREEN, linewidth=1.2, label="that agree")
     guessed = numbers[np.array([not (one.measured or one.lost) for one in placed], np.bool_)]
     _guessed(axes, np.stack([guessed, np.zeros(len(guessed))], axis=1))
-    lost, wrong = [one.lost for one in placed], [one.wrong for one in placed]
-    for marked, marker, name in ((lost, "x", "lost"), (wrong, "v", "wrong step, caught")):
+    for marked, marker, colour, name in (
+        ([one.lost for one in placed], "x", VERMILLION, "lost"),
+        ([one.wrong for one in placed], "v", VERMILLION, "wrong step, caught"),
+        ([one.blind for one in placed], "^", GREEN, "by its scan alone"),
+    ):
         at = numbers[np.array(marked, np.bool_)]
         if len(at):
-            axes.plot(at, np.zeros(len(at)), marker, color=VERMILLION, label=name, clip_on=False)
+            axes.plot(at, np.zeros(len(at)), marker, color=colour, label=name, clip_on=False)
     axes.set(xlabel="frame", ylabel="points", title="Points that were followed")
     axes.set_ylim(bottom=0)
     axes.legend(fontsize=9)

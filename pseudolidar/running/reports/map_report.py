@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -109,6 +110,7 @@ class MapReport:
             "loops_refused": dict(self.walked.refused),
             "lost": [one.id for one in self.lost],
             "extrapolated": [one.id for one in self.extrapolated],
+            "by_sensors": dict(Counter(one.sensors for one in self.placed)),
             "ended": [error.as_dict() for error in self.walked.ended],
             "corrected": [one.id for one in self.corrected],
         }
@@ -147,6 +149,10 @@ class MapReport:
             more = ", ".join(f"{piece.length_m:.1f}" for piece in self.pieces[1:])
             lines.append(f"  {counted(len(self.pieces), 'piece')} of path: others of {more} m")
         lines += [f"  {error}" for error in self.walked.ended]
+        blind = [one for one in self.placed if one.blind]
+        if blind:
+            names = ", ".join(one.id for one in blind[:NAMED_FRAMES])
+            lines.append(f"  {counted(len(blind), 'frame')} by scans alone: {names}")
         lines += _named("extrapolated", self.extrapolated)
         lines += _named("lost", self.lost)
         if self.walked.loops or self.walked.dropped:
