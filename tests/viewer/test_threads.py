@@ -91,7 +91,7 @@ class Forgetting(PointsPanel):
 
 
 def test_a_point_that_is_forgotten_while_another_is_told_is_no_fault(app: App):
-    panel = Forgetting(app.view, app.octrees)
+    panel = Forgetting(app.view, (app.octrees,))
     for _ in range(2):
         panel.click(-app.view.stage.placement.origin_m, FORWARD)
     assert "**0.000 m** apart" in panel._text.content
