@@ -11,7 +11,7 @@ PIP := -m pip install --disable-pip-version-check --quiet
 # Where bytecode is not kept, every process that a test starts would compile the package again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help demo test lint format bench soak fuzz wheel-check lowest hooks clean
+.PHONY: help demo test lint format bench soak longest fuzz wheel-check lowest hooks clean
 
 help:
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -67,8 +67,11 @@ bench: $(VENV)/installed-dev ## print benchmark ratios
 	$(BIN)/python -m tests.benchmarks.conversion
 	$(BIN)/python -m tests.benchmarks.tracks 5
 
-soak: $(VENV)/installed-dev ## long tests
-	$(BIN)/python -m pytest -m slow
+soak: $(VENV)/browser ## long tests
+	$(BIN)/python -m pytest -m "slow and not longest"
+
+longest: $(VENV)/browser ## the viewer with five clients for half an hour
+	$(BIN)/python -m pytest -m longest
 
 # A number of inputs for each reader: make fuzz INPUTS=100000
 INPUTS ?= 10000

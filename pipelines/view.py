@@ -28,6 +28,7 @@ from pseudolidar.obstacles.detectors import AnyDetector
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY
 from pseudolidar.running.matching import MatchFrame, Refining
+from pseudolidar.running.memory import give_back_freed_memory
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.settings_json import from_json
@@ -204,6 +205,7 @@ def run(job: View) -> ViewReport:
         SourceUnknown: a path is nothing that can be looked at.
         ServeError: the address cannot be had.
     """
+    give_back_freed_memory()
     if job.export is not None:
         check_export(job.export)
     opened = Opening(job.reel_of, job.reel_of_run).all_of(job.paths)

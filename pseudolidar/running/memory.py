@@ -1,4 +1,4 @@
-"""How much memory there is, and freed arrays that serve the next frame."""
+"""How much memory there is, and whether freed arrays serve the next frame or are given back."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from pathlib import Path
 
 from pseudolidar.errors import MemoryLimit
 
-# Parameters of glibc's mallopt (malloc.h): where mmap begins, and how much free memory at the top
-# of a heap is kept.
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+# Parameters of glibc's mallopt (malloc.h): where mmap begins, how much free memory at the top of a
+# heap is kept, and how many heaps there are for threads.
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
 _LARGEST_MMAP_THRESHOLD = 32 << 20  # what glibc accepts on 64 bits
 _KEPT_BYTES = 512 << 20
+# What a process that stays gives back: blocks from so many bytes on.
+_GIVEN_BACK_BYTES, _FEW_HEAPS = 1 << 20, 2
 # Points that become a file are held as they came, joined, and as its bytes: so often at once.
 _COPIES_HELD = 3
 
@@ -26,12 +28,27 @@ def keep_freed_memory() -> None:
     every frame: 8000 faults, 15 ms of 180 (KITTI, 2 cores, 2026-11-23). Other C libraries are left
     alone.
     """
+    _tell_glibc({_M_MMAP_THRESHOLD: _LARGEST_MMAP_THRESHOLD, _M_TRIM_THRESHOLD: _KEPT_BYTES})
+
+
+def give_back_freed_memory() -> None:
+    """Tell glibc to give blocks of 1 MiB and more back when they are freed; before threads start.
+
+    For a process that stays for hours and makes now this, now that, in many threads: by default
+    arrays of some MB lie among small objects that stay, in a heap for each thread, and what is
+    between them is lost. What the viewer holds grew by a third in four minutes, without one object
+    more (`tests/benchmarks/viewer_soak.py`, 2026-11-27).
+    """
+    _tell_glibc({_M_MMAP_THRESHOLD: _GIVEN_BACK_BYTES, _M_ARENA_MAX: _FEW_HEAPS})
+
+
+def _tell_glibc(parameters: dict[int, int]) -> None:
     if sys.platform != "linux":
         return
     with contextlib.suppress(AttributeError):  # musl has no mallopt
         libc = ctypes.CDLL(None)
-        libc.mallopt(_M_MMAP_THRESHOLD, _LARGEST_MMAP_THRESHOLD)
-        libc.mallopt(_M_TRIM_THRESHOLD, _KEPT_BYTES)
+        for parameter, value in parameters.items():
+            libc.mallopt(parameter, value)
 
 
 def check_memory(expected_bytes: int, *, held: int) -> None:
