@@ -1,4 +1,4 @@
-"""Five at a page for a time: one works, one reads, one stalls, one comes and goes, one is a browser.
+"""Five at a page: one works, one reads, one stalls, one comes and goes, one is a browser.
 
 All of them do the same again every `ROTA_S`, so that what the server holds can be compared from one
 such turn to another.
