@@ -10,9 +10,11 @@ from typing import Self
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.boxes.gathered import Gatherer
 from pseudolidar.viewer.comparing.joined import joined
+from pseudolidar.viewer.drawn_ground import DrawnGround
 from pseudolidar.viewer.drawn_meshes import DrawnMeshes
 from pseudolidar.viewer.drawn_octrees import DrawnOctrees
 from pseudolidar.viewer.drawn_path import DrawnPath
+from pseudolidar.viewer.drawn_ruler import DrawnRuler
 from pseudolidar.viewer.live_reel import LiveReel
 from pseudolidar.viewer.means import NO_MEANS, Means
 from pseudolidar.viewer.opening import Opened
@@ -65,6 +67,10 @@ class App:
         self.view.on_shown(lambda _: self.octrees.wake())
         self.meshes = DrawnMeshes(server.viser, self.view.stage)
         self.view.on_shown(lambda _: self.meshes.redraw())
+        self.ground = DrawnGround(self.view)
+        self.ruler = DrawnRuler(server.viser, lambda: self.ground.level_m)
+        self.view.on_shown(lambda _: self.ruler.wake())
+        self.view.on_stop(self.ruler.close)
         self._look_from()
         self.view.set_theme(dark=True)
         self.run = RunPanel(self.view, reel) if isinstance(reel, LiveReel) else None
@@ -95,7 +101,7 @@ class App:
             names = ["Help", "Scene", "Export"]
         tab = {name: tabs.add_tab(name) for name in names}
         with tab["Scene"]:
-            self.scene = ScenePanel(self.view, self.meshes)
+            self.scene = ScenePanel(self.view, self.meshes, self.ground, self.ruler)
             self.detail = DetailPanel(self.view, self.octrees)
         if "Tune" in tab:
             assert workshop is not None

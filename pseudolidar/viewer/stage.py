@@ -11,7 +11,7 @@ import numpy as np
 from pseudolidar.geometry.grey import rgb_of
 from pseudolidar.geometry.quaternion import quaternion_wxyz
 from pseudolidar.running.reports.samples import photo_of
-from pseudolidar.structures.arrays import Float32, Float64, UInt8
+from pseudolidar.structures.arrays import AnyArray, Float32, Float64, UInt8
 from pseudolidar.structures.box import BOX_EDGES, Box3D
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring, Scale
@@ -125,13 +125,19 @@ class Stage:
         return {name: c for name, c in self._stills.items() if name not in self._coarse}
 
     @property
+    def still_places(self) -> AnyArray:
+        """(N, 3) points and vertices of what lies still, of large clouds the coarsest."""
+        clouds = [cloud.xyz for cloud in self._stills.values()]
+        clouds += [one.mesh.vertices for one in self.every_still if isinstance(one, StillMesh)]
+        return np.concatenate(clouds) if clouds else np.zeros((0, 3))
+
+    @property
     def extent_m(self) -> tuple[Float64, float] | None:
         """(3,) middle of what lies still, in the scene, and how large it is; None without."""
-        clouds = [cloud.xyz for cloud in self._stills.values() if len(cloud)]
-        clouds += [one.mesh.vertices for one in self.every_still if isinstance(one, StillMesh)]
-        if not clouds:
+        places = self.still_places
+        if not len(places):
             return None
-        low, high = (np.quantile(np.concatenate(clouds), share, axis=0) for share in (0.02, 0.98))
+        low, high = np.quantile(places, (0.02, 0.98), axis=0)
         middle = 0.5 * (low + high) - self.placement.origin_m
         return np.asarray(middle), float(np.linalg.norm(high - low))
 

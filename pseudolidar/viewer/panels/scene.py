@@ -10,14 +10,15 @@ import numpy as np
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring, Scale, ways
 from pseudolidar.viewer.controls import set_value
+from pseudolidar.viewer.drawn_ground import DrawnGround
 from pseudolidar.viewer.drawn_meshes import DrawnMeshes
+from pseudolidar.viewer.drawn_ruler import DrawnRuler
 from pseudolidar.viewer.moment import VELODYNE, Moment
 from pseudolidar.viewer.stage import Look
 from pseudolidar.viewer.view import View
 
 # Of a scan the points are few: they are drawn larger, in a colour of their own.
 SCAN_LOOK = Look(Colouring("range"), point_m=0.06)
-GROUND_FADES_M = 80.0
 # What the ends of a bar are called, and those of errors, which are white in the middle.
 ENDS, SIGNED_ENDS = "Blue, red", "Too near, too far"
 
@@ -28,17 +29,17 @@ class ScenePanel:
     Args:
         view: what is looked at.
         meshes: that lie in it.
+        ground: the grid, and rings of range.
+        ruler: the scale bar.
     """
 
-    def __init__(self, view: View, meshes: DrawnMeshes) -> None:
+    def __init__(
+        self, view: View, meshes: DrawnMeshes, ground: DrawnGround, ruler: DrawnRuler
+    ) -> None:
         self._view = view
         self._folders: dict[str, ColourControls] = {}
-        gui, scene = view.gui, view.server.viser.scene
+        gui = view.gui
         view.stage.looks.setdefault(VELODYNE, SCAN_LOOK)
-        self._grid = scene.add_grid(
-            "/map/grid", infinite_grid=True, cell_size=1.0, section_size=10.0,
-            fade_distance=GROUND_FADES_M, visible=False,
-        )  # fmt: skip
         self._clouds = gui.add_folder("Clouds", visible=False)
         if meshes.points:
             with gui.add_folder("Meshes"):
@@ -47,13 +48,17 @@ class ScenePanel:
         with gui.add_folder("Scene", expand_by_default=False):
             follow = gui.add_checkbox("Follow the rig", initial_value=True)
             axes = gui.add_checkbox("Axes", initial_value=True)
-            grid = gui.add_checkbox("Ground grid, 1 m and 10 m", initial_value=False)
+            bar = gui.add_checkbox("Scale bar", initial_value=True)
+            rings = gui.add_checkbox("Rings of range", initial_value=False, visible=ground.has_rig)
+            grid = gui.add_checkbox(ground.title, initial_value=False)
             dark = gui.add_checkbox("Dark", initial_value=True)
         key = gui.add_command("Follow the rig, or stay with the map", hotkey="F")
         key.on_trigger(lambda _: set_value(follow, not follow.value))
         follow.on_update(lambda _: self._follow(following=follow.value))
         axes.on_update(lambda _: view.stage.show_axes(shown=axes.value))
-        grid.on_update(lambda _: setattr(self._grid, "visible", grid.value))
+        bar.on_update(lambda _: ruler.show(shown=bar.value))
+        rings.on_update(lambda _: ground.show_rings(shown=rings.value))
+        grid.on_update(lambda _: ground.show_grid(shown=grid.value))
         dark.on_update(lambda _: view.set_theme(dark=dark.value))
         for name, cloud in view.stage.stills.items():
             self._add(name, cloud)
