@@ -68,6 +68,20 @@ def adjoint(T: Float64) -> Float64:
     return matrix
 
 
+def carried(covariance: Float64, T_from_to: Float64) -> Float64:
+    """(6, 6) doubt of a pose as it is after a step (4, 4) that is exact.
+
+    Both are of twists on the right of their poses.
+    """
+    back = adjoint(inverted(T_from_to))
+    return np.asarray(back @ covariance @ back.T)
+
+
+def gone_on(T: Float64, twist_per_s: Float64, seconds: float) -> Float64:
+    """(4, 4) a pose later, at one velocity: a twist (6,) by s on its right."""
+    return np.asarray(T @ exp_twist(seconds * twist_per_s))
+
+
 def log_twist(T: Float64) -> Float64:
     """(6,) twist of a rigid motion (4, 4), the inverse of `exp_twist`; angles below pi.
 

@@ -9,9 +9,8 @@ import numpy as np
 
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.twists import exp_twist, inverted, log_twist, rigid
-from pseudolidar.mapping.extrapolating import MOST_UNSURE_M
-from pseudolidar.mapping.path import stacked, step_doubt, unsure_m
-from pseudolidar.mapping.steadiness import Steadiness
+from pseudolidar.mapping.path import stacked, step_doubt
+from pseudolidar.mapping.steadiness import Guessed, Steadiness
 from pseudolidar.structures.arrays import Float64, Int64
 from pseudolidar.structures.pose import Trajectory
 
@@ -26,27 +25,27 @@ def bridged(path: Trajectory, times_ns: Int64) -> Trajectory:
         path: of frames that were measured; with covariances.
         times_ns: (M,) int64 of frames that were not, increasing, none of the path's own. Those
             before its first pose or after its last one are left out, and those of gaps so long
-            that a pose in them would be less sure than a metre.
+            that what nobody measured would put a pose in them off by more than a metre.
 
     Returns:
         All of them in order of time; `extrapolated` marks those that were added.
+
+    Raises:
+        StructureError: the path has no covariances.
     """
-    own = path.timestamps_ns
-    if not len(times_ns):
-        return replace(path, extrapolated=np.zeros(len(path), np.bool_))
-    steadiness = steadiness_of(path)
+    own, steadiness = path.timestamps_ns, steadiness_of(path)
     rows = [
         (int(time_ns), T, doubt, False)
-        for time_ns, T, doubt in zip(own, path.T_world_body, _doubts(path), strict=True)
+        for time_ns, T, doubt in zip(own, path.T_world_body, path.doubts, strict=True)
     ]
     after = np.searchsorted(own, times_ns)
     for time_ns, at in zip(times_ns.tolist(), after.tolist(), strict=True):
         if 0 < at < len(own):
             T, doubt = _between(path, at - 1, time_ns, steadiness)
-            if unsure_m(doubt) <= MOST_UNSURE_M:
-                rows.append((time_ns, T, doubt, True))
+            if not doubt.too_unsure:
+                rows.append((time_ns, T, doubt.total, True))
     rows.sort(key=lambda row: row[0])
-    times, poses, doubts, added = zip(*rows, strict=True) if rows else ((), (), (), ())
+    times, poses, doubts, added = zip(*rows, strict=True)
     return replace(stacked(times, poses, doubts), extrapolated=np.array(added, np.bool_))
 
 
@@ -66,18 +65,13 @@ def steadiness_of(path: Trajectory) -> Steadiness:
     return steadiness
 
 
-def _doubts(path: Trajectory) -> Float64:
-    n = len(path)
-    return np.zeros((n, 6, 6)) if path.covariance is None else path.covariance
-
-
 def _between(
     path: Trajectory, first: int, time_ns: int, steadiness: Steadiness
-) -> tuple[Float64, Float64]:
-    """Pose (4, 4) between two of the path, and its doubt (6, 6)."""
+) -> tuple[Float64, Guessed]:
+    """Pose (4, 4) between two of the path, and its doubt."""
     start_ns, end_ns = path.timestamps_ns[first : first + 2].tolist()
     before, after = path.T_world_body[first : first + 2]
-    known, known_after = _doubts(path)[first : first + 2]
+    known, known_after = path.doubts[first : first + 2]
     step = inverted(before) @ after
     share = (time_ns - start_ns) / (end_ns - start_ns)
     T_first = exp_twist(share * log_twist(step))

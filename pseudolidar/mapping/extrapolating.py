@@ -10,8 +10,7 @@ import numpy as np
 from pseudolidar.errors import OdometryLost
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.frames import ODOM
-from pseudolidar.geometry.twists import exp_twist, log_twist, rigid
-from pseudolidar.mapping.path import unsure_m
+from pseudolidar.geometry.twists import gone_on, log_twist, rigid
 from pseudolidar.mapping.registered import OdometryChain, Registered
 from pseudolidar.mapping.steadiness import Steadiness
 from pseudolidar.structures.arrays import Float64
@@ -22,8 +21,10 @@ from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.odometry import CameraStep, OdometryState
 from pseudolidar.structures.pose import Pose, Trajectory
 
-# A pose that may be off by more, one standard deviation, m, is none, however few frames are lost.
-MOST_UNSURE_M = 1.0
+# Nobody is said to have gone on farther than this, m, however steadily they went and few frames are
+# lost: 25 m without a measurement are no path (fault 48). Five frames at 30 m/s and 10 a second
+# are 15 m. Chosen, 2026-11.
+FARTHEST_M = 25.0
 
 
 class ExtrapolatingChain:
@@ -67,8 +68,7 @@ class ExtrapolatingChain:
     def _measured(self, state: OdometryState, frame: StereoFrame) -> OdometryState:
         begins = state.status == "first"
         if begins and self._last is not None:
-            why = "where the sensors are seen again nothing joins them to the path before"
-            state = replace(state, ended=self._last.ended(self._lost, self._reach, why))
+            state = replace(state, ended=self._last.not_joined(frame.id, self._reach))
         last = None if begins else self._last
         self._last, self._lost = _Last.of(state, frame, last), 0
         if last is not None and last.twist_per_s is not None:
@@ -85,9 +85,9 @@ class ExtrapolatingChain:
         self._lost += 1
         if self._lost > self._reach:
             self._last = None
-            return replace(state, ended=last.ended(self._lost, self._reach, state.why))
+            return replace(state, ended=last.left_behind(self._reach, state.why))
         told = last.further(frame.timestamp_ns, self._steadiness)
-        if told is None or unsure_m(told[1]) > MOST_UNSURE_M:
+        if told is None:
             return state
         pose = Pose(ODOM, last.pose.src, rigid(told[0]))
         return replace(state, status="extrapolated", T_odom_camera=pose, covariance=told[1])
@@ -130,21 +130,33 @@ class _Last:
         return replace(self, twist_per_s=twist_per_s, step=step.covariance, step_s=seconds)
 
     def further(self, timestamp_ns: int, steadiness: Steadiness) -> tuple[Float64, Float64] | None:
-        """Pose (4, 4) at a later time, if it goes on as before, and its doubt (6, 6)."""
+        """Pose (4, 4) at a later time, if it goes on as before, and its doubt (6, 6).
+
+        None where no motion was seen yet, and where it would be too far, or too unsure.
+        """
         if self.twist_per_s is None:
             return None
         seconds = (timestamp_ns - self.timestamp_ns) / NS_PER_S
-        T = self.pose.matrix @ exp_twist(seconds * self.twist_per_s)
         doubt = steadiness.gone_on(
             self.covariance, self.step, self.twist_per_s, self.step_s, seconds
         )
-        return np.asarray(T), doubt
+        if doubt.too_unsure or seconds * np.linalg.norm(self.twist_per_s[:3]) > FARTHEST_M:
+            return None
+        return gone_on(self.pose.matrix, self.twist_per_s, seconds), doubt.total
 
-    def ended(self, frames: int, reach: int, why: str) -> OdometryLost:
-        """The path ends here."""
+    def left_behind(self, reach: int, why: str) -> OdometryLost:
+        """The path ends here, for nothing was measured of too many frames after it."""
         return OdometryLost(
-            f"the path ends here: of {frames} frames in a row after it nobody knows how they "
-            f"moved ({why})",
+            f"the path ends here: the frames after it, more than {reach} in a row, tell nothing of "
+            f"how they moved ({why})",
             want=f"at most {reach}",
+            where=f"frame {self.name}",
+        )
+
+    def not_joined(self, later: str, reach: int) -> OdometryLost:
+        """The path ends here, though scans may have carried on until a later frame (its name)."""
+        return OdometryLost(
+            f"the path ends here: vision begins anew at frame {later}, and no scan joins it",
+            want=f"a scan that lies on the map, or vision lost {reach} times in a row at most",
             where=f"frame {self.name}",
         )

@@ -10,7 +10,7 @@ import numpy as np
 
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.frames import ODOM
-from pseudolidar.geometry.twists import exp_twist, inverted, log_twist
+from pseudolidar.geometry.twists import gone_on, inverted, log_twist
 from pseudolidar.mapping.alignment import Alignment, Prior, align, lying_at
 from pseudolidar.mapping.disparity_offset import Offset
 from pseudolidar.mapping.fused_path import FusedPath, FusedStep, Place, VisionPart, step_between
@@ -34,8 +34,6 @@ from pseudolidar.structures.pose import Pose, Trajectory
 VOXEL_M, REACH_M, FIRST_THRESHOLD_M = 0.4, 40.0, 0.15
 # Patches are matched within so many of KISS-ICP's thresholds.
 WITHIN_THRESHOLDS = 3.0
-# Frames in a row that nobody need see.
-REACH = 5
 # How well a step is known that took a wrong one's place, one standard deviation, m and rad.
 REPLACED_M, REPLACED_RAD = 0.02, 0.002
 
@@ -75,7 +73,7 @@ class FusedChain:
         reach: frames in a row that both may lose; with one more the piece of path has ended.
     """
 
-    def __init__(self, visual: Seeing, rig: StereoRig, *, reach: int = REACH) -> None:
+    def __init__(self, visual: Seeing, rig: StereoRig, *, reach: int) -> None:
         self._visual, self._rig, self._reach = visual, rig, reach
         self._kiss = load_kiss(voxel_m=VOXEL_M, farthest_m=REACH_M, threshold_m=FIRST_THRESHOLD_M)
         self._pieces: list[FusedPath] = []
@@ -155,7 +153,7 @@ class FusedChain:
             return None
         last = self._path.last
         seconds = (timestamp_ns - last.timestamp_ns) / NS_PER_S
-        found = self._scans.alone(scan, last.T_odom_camera @ exp_twist(seconds * twist))
+        found = self._scans.alone(scan, gone_on(last.T_odom_camera, twist, seconds))
         if found is None:
             return None
         T_from_to = inverted(last.T_odom_camera) @ found.T_odom_sensor
@@ -208,7 +206,7 @@ class FusedChain:
 
         return checked(
             step.T_from_to,
-            None if twist is None else anchor.place.to(last) @ exp_twist(seconds * twist),
+            None if twist is None else gone_on(anchor.place.to(last), twist, seconds),
             SecondLook(anchor.seen.grey, seen.grey, seen.patches, self._rig),
             map_score,
         )

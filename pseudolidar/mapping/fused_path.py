@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pseudolidar.geometry.twists import adjoint, exp_twist, inverted, log_twist, rigid
+from pseudolidar.geometry.twists import carried, exp_twist, inverted, log_twist, rigid
 from pseudolidar.mapping.disparity_offset import Offset
 from pseudolidar.mapping.path import Doubt, stacked, step_doubt
 from pseudolidar.structures.arrays import Float64
@@ -133,5 +133,4 @@ def step_between(last: Place, start: Place, now: Place, step: FusedStep) -> tupl
     """
     T_from_to = last.to(now)
     strayed = step_doubt(start.doubt.covariance, last.doubt.covariance, start.to(last))
-    back = adjoint(inverted(T_from_to))
-    return T_from_to, step.covariance + back @ strayed @ back.T
+    return T_from_to, step.covariance + carried(strayed, T_from_to)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pseudolidar.geometry.twists import adjoint, exp_twist, inverted
+from pseudolidar.geometry.twists import adjoint, carried, exp_twist, inverted
 from pseudolidar.mapping.disparity_offset import Offset
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.pose import Trajectory
@@ -86,10 +86,9 @@ class Doubt:
 
     def after_step(self, T_from_to: Float64, covariance: Float64, by_offset: Float64) -> Doubt:
         """Of the pose after a step (4, 4) whose own doubt is (6, 6) and (6,) per px."""
-        carried = adjoint(inverted(T_from_to))
         return Doubt(
-            carried @ self.covariance @ carried.T + covariance,
-            carried @ self.by_offset + by_offset,
+            carried(self.covariance, T_from_to) + covariance,
+            adjoint(inverted(T_from_to)) @ self.by_offset + by_offset,
         )
 
     def total(self, offset: Offset) -> Float64:

@@ -9,7 +9,7 @@ import numpy as np
 from pseudolidar.errors import UsageError
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.frames import ODOM
-from pseudolidar.geometry.twists import adjoint, exp_twist, inverted, log_twist
+from pseudolidar.geometry.twists import carried, exp_twist, inverted, log_twist
 from pseudolidar.mapping.kiss_library import load_kiss
 from pseudolidar.mapping.scan_map import ReadyScan, ScanAlignment, ScanMap, ready
 from pseudolidar.structures.arrays import Float64
@@ -190,8 +190,7 @@ class ScanChain:
         T_from_to = inverted(last.T_odom_sensor) @ found.T_odom_sensor
         covariance = np.asarray(np.linalg.inv(found.information + HOLD * np.eye(6)))
         step = CameraStep(T_from_to, covariance, frames=self._lost + 1)
-        seen_from_end = adjoint(inverted(T_from_to))
-        total = seen_from_end @ last.covariance @ seen_from_end.T + covariance
+        total = carried(last.covariance, T_from_to) + covariance
         seconds = (timestamp_ns - last.timestamp_ns) / NS_PER_S
         twist = log_twist(T_from_to) / seconds
         self._last = _At(found.T_odom_sensor, timestamp_ns, total, twist, moved=True)

@@ -6,12 +6,37 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pseudolidar.geometry.twists import adjoint, exp_twist, inverted
+from pseudolidar.geometry.twists import adjoint, carried, exp_twist, inverted
+from pseudolidar.mapping.path import unsure_m
 from pseudolidar.structures.arrays import Float64
 
 # What a sensor is thought to do before it was watched, one standard deviation of its acceleration,
-# m/s2 and rad/s2 (a car that brakes and steers): as many times as it counts against what is seen.
-THOUGHT, THOUGHT_TIMES = np.repeat([2.0, 0.3], 3), 3
+# m/s2 and rad/s2: the car of KITTI 00 does 1.5 and 0.33 on its worst axes (2026-11,
+# `python -m tests.benchmarks.extrapolated`).
+THOUGHT = np.repeat([2.0, 0.3], 3)
+# That counts as so many changes of motion that were seen: soon what is seen says more.
+THOUGHT_TIMES = 3
+# A pose that may be off by more, one standard deviation, m, by what nobody measured, is none: a
+# lane is 3 m wide, and within a metre the pose is still in its own. Chosen, 2026-11.
+MOST_GUESSED_M = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Guessed:
+    """How unsure a pose is that nothing was measured of.
+
+    Args:
+        total: (6, 6) in all, drift since the path began included.
+        own: (6, 6) what of it is of the time in which nothing was measured.
+    """
+
+    total: Float64
+    own: Float64
+
+    @property
+    def too_unsure(self) -> bool:
+        """Whether it is none: long paths drift, and may still be told on across a gap."""
+        return unsure_m(self.own) > MOST_GUESSED_M
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,28 +63,31 @@ class Steadiness:
 
     def gone_on(
         self, known: Float64, step: Float64, twist_per_s: Float64, step_s: float, seconds: float
-    ) -> Float64:
-        """(6, 6) doubt of a pose that goes on from the last one as the last step went.
+    ) -> Guessed:
+        """The doubt of a pose that goes on from the last one as the last step went.
 
         An acceleration `a` shows half of it in that step, and goes on: it makes
-        `a seconds (seconds + step_s) / 2` of error.
+        `a seconds (seconds + step_s) / 2` of error. What the step itself was wrong by is in the
+        last pose once, and again in every further step.
 
         Args:
             known: (6, 6) doubt of the last pose.
-            step: (6, 6) of the step to it.
+            step: (6, 6) of the step to it. What an unknown offset of the rig adds to that is not
+                asked for: it changes lengths by a share, far less than accelerations do.
             twist_per_s: (6,) of that step.
             step_s: how long it took.
             seconds: since the last pose.
         """
-        carried = adjoint(exp_twist(-seconds * twist_per_s))
+        times, T_on = seconds / step_s, exp_twist(seconds * twist_per_s)
         by_acceleration = self.variance * (0.5 * seconds * (seconds + step_s)) ** 2
-        doubt = carried @ known @ carried.T + step * (seconds / step_s) ** 2
-        return np.asarray(doubt + np.diag(by_acceleration))
+        own = np.asarray(step * times**2 + np.diag(by_acceleration))
+        shared = times * adjoint(inverted(T_on)) @ step
+        return Guessed(carried(known, T_on) + shared + shared.T + own, own)
 
     def between(
         self, known: Float64, step: Float64, T_first: Float64, step_s: float, seconds: float
-    ) -> Float64:
-        """(6, 6) doubt of a pose between two that are measured, on the straight way.
+    ) -> Guessed:
+        """The doubt of a pose between two that are measured, on the straight way.
 
         Args:
             known: (6, 6) doubt of the earlier one.
@@ -68,7 +96,6 @@ class Steadiness:
             step_s: how long that step took.
             seconds: since the earlier one.
         """
-        carried = adjoint(inverted(T_first))
         by_acceleration = self.variance * (0.5 * seconds * (step_s - seconds)) ** 2
-        doubt = carried @ known @ carried.T + step * (seconds / step_s) ** 2
-        return np.asarray(doubt + np.diag(by_acceleration))
+        own = np.asarray(step * (seconds / step_s) ** 2 + np.diag(by_acceleration))
+        return Guessed(carried(known, T_first) + own, own)

@@ -12,7 +12,7 @@ from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.frames import ODOM
 from pseudolidar.geometry.pnp import RelativePose
 from pseudolidar.geometry.tracking import MatchedPair
-from pseudolidar.geometry.twists import adjoint, exp_twist, inverted, log_twist
+from pseudolidar.geometry.twists import adjoint, carried, gone_on, inverted, log_twist
 from pseudolidar.mapping.disparity_offset import Offset, OffsetEstimate, by_offset, unscaled
 from pseudolidar.mapping.keyframe import Keyframe, Sight, movable_pixels
 from pseudolidar.mapping.keyframes import Keyframes
@@ -254,9 +254,8 @@ class VisualChain:
     def _step(self, T_odom: Float64, hung: Hung, last: _Last) -> CameraStep:
         """From the last frame; both hang at the same keyframe, and their errors add up."""
         T_last_now = inverted(last.T_odom_camera) @ T_odom
-        carried = adjoint(inverted(T_last_now))
-        doubt = carried @ last.hung.covariance @ carried.T + hung.covariance
-        by_offset = hung.by_offset - carried @ last.hung.by_offset
+        doubt = carried(last.hung.covariance, T_last_now) + hung.covariance
+        by_offset = hung.by_offset - adjoint(inverted(T_last_now)) @ last.hung.by_offset
         return CameraStep(T_last_now, doubt, frames=self._lost + 1, by_offset=by_offset)
 
     def _is_next_key(self, gap: int, agree: int) -> bool:
@@ -292,4 +291,4 @@ class _Last:
         if self.twist_per_s is None:
             return None
         seconds = (timestamp_ns - self.timestamp_ns) / NS_PER_S
-        return np.asarray(self.T_odom_camera @ exp_twist(self.twist_per_s * seconds))
+        return gone_on(self.T_odom_camera, self.twist_per_s, seconds)

@@ -127,6 +127,17 @@ class Trajectory:
     def __len__(self) -> int:
         return len(self.timestamps_ns)
 
+    @property
+    def doubts(self) -> Float64:
+        """(N, 6, 6) `covariance`.
+
+        Raises:
+            StructureError: nobody knows it.
+        """
+        if self.covariance is None:
+            raise StructureError("poses without covariance", where="Trajectory")
+        return self.covariance
+
 
 def rotation_error(R: Float64) -> float:
     """Largest deviation of `R` (3, 3) from a rotation: of `R R^T` from I, of det from 1.

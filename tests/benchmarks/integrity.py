@@ -91,7 +91,8 @@ def main(data):
         length_m = np.linalg.norm(np.diff([T[:3, 3] for T in truth], axis=0), axis=1).sum()
         injected = {i for i in range(len(frames)) if i % EVERY == EVERY - 1}
         for kind, fault in FAULTS.items():
-            fused, began = FusedChain(Faulty(states, fault), source.rig), time.perf_counter()
+            fused = FusedChain(Faulty(states, fault), source.rig, reach=VisualOdometry().reach)
+            began = time.perf_counter()
             told = [fused.register(*both) for both in zip(frames, disparities, strict=True)]
             ms = 1e3 * (time.perf_counter() - began) / len(frames)
             checks = {i: one.check for i, one in enumerate(told) if one.check}

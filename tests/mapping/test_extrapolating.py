@@ -11,7 +11,6 @@ from pseudolidar.geometry.twists import exp_twist, inverted, log_twist
 from pseudolidar.mapping.bridges import bridged
 from pseudolidar.mapping.odometry import Kiss
 from pseudolidar.mapping.path import stacked
-from pseudolidar.mapping.steadiness import Steadiness
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import LidarScan, StereoFrame
@@ -104,7 +103,7 @@ def test_with_the_sixth_the_path_ends_at_the_last_good_pose(drive):
     ended = states[GOOD + 5].ended
     assert isinstance(ended, OdometryLost)
     assert ended.where == f"frame {frames[GOOD - 1].id}"
-    assert "6 frames in a row" in ended.got
+    assert "more than 5 in a row" in ended.got
     assert [one.ended for one in states].count(None) == FRAMES - 1
     first, second = chain.trajectories()
     assert first.timestamps_ns[-1] == frames[GOOD - 1].timestamp_ns
@@ -127,19 +126,6 @@ def test_no_motion_is_made_up_that_was_never_seen(drive):
     states, _ = driven(frames[:4], {0, 2})
     assert [one.status for one in states] == ["lost", "first", "lost", "ok"]
     assert states[0].ended is None
-
-
-def test_who_moves_steadily_is_extrapolated_more_surely():
-    calm, wild = Steadiness(), Steadiness()
-    there, back = np.array([0.0, 0, 8, 0, 0, 0]), np.array([1.0, 0, 5, 0, 1, 0])
-    for _ in range(20):
-        calm = calm.after(there, there, 0.1)
-        wild = wild.after(there, back, 0.1)
-    assert (calm.variance < 0.2 * Steadiness().variance).all()
-    assert wild.variance[2] > 100 * calm.variance[2]
-    step = 1e-6 * np.eye(6)
-    sooner, later = (calm.gone_on(step, step, there, 0.1, s) for s in (0.1, 0.5))
-    assert np.linalg.eigvalsh(later - sooner)[0] > 0
 
 
 def test_a_gap_that_is_too_long_holds_no_pose():

@@ -64,7 +64,7 @@ class Told:
 
 
 def drive(frames, truth, fault):
-    chain = FusedChain(Told(truth, fault), frames[0].rig)
+    chain = FusedChain(Told(truth, fault), frames[0].rig, reach=5)
     return [chain.register(frame, frame.truth) for frame in frames]
 
 
@@ -112,7 +112,7 @@ def test_scans_put_right_what_an_unknown_offset_does_to_steps(street):
         # lengths are off by 3 %, and an offset that is unsure by 1 px would make 5 % of them
         unsure = np.array([0.0, 0.0, 0.05 * way_m / (FRAMES - 1), 0.0, 0.0, 0.0])
         longer = Told(truth, stretched, always=True, by_offset=unsure)
-        chain, told = FusedChain(longer, frames[0].rig), []
+        chain, told = FusedChain(longer, frames[0].rig, reach=5), []
         for frame in frames:
             scan = {
                 "scans": frame.scan,

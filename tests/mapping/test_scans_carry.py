@@ -103,6 +103,16 @@ def test_a_scan_that_does_not_say_where_carries_nothing(street, what):
     assert max(errors_m(street, told)) < 0.03
 
 
+def test_the_path_ends_where_no_scan_joins_what_vision_begins_anew(street):
+    told, paths = driven(street, dark=range(2, 5), scans={5: EMPTY}, reach=2)
+    assert [one.state.status for one in told] == ["first", *["ok"] * 4, "first", "ok"]
+    assert [one.state.piece for one in told] == [*[0] * 5, 1, 1]
+    assert [len(path) for path in paths] == [5, 2]
+    ended = told[5].state.ended
+    assert (ended.where, "anew at frame 000005" in ended.got) == ("frame 000004", True)
+    assert "0 frames" not in ended.got
+
+
 def test_the_path_ends_where_both_are_silent_for_long(street):
     silent = range(2, 5)
     told, paths = driven(street, dark=silent, scans=dict.fromkeys(silent, EMPTY), reach=2)

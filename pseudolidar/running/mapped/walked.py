@@ -124,8 +124,7 @@ class Piece:
     def of(cls, frames: tuple[Placed, ...], parts: Sequence[Trajectory]) -> Self:
         """Of parts with covariances whose poses have something in common."""
         poses = np.concatenate([part.T_world_body for part in parts])
-        covariances = [part.covariance for part in parts if part.covariance is not None]
-        return cls(frames, poses, np.concatenate(covariances))
+        return cls(frames, poses, np.concatenate([part.doubts for part in parts]))
 
     @property
     def measured(self) -> Bool:

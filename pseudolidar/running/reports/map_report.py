@@ -49,9 +49,10 @@ class MapReport:
 
     @property
     def exit_code(self) -> int:
-        """0 all done, 4 some frames skipped or lost, 130 or 143 stopped."""
-        some_lost = bool(self.lost) and self.result.exit_code == ALL_DONE
-        return SOME_SKIPPED if some_lost else self.result.exit_code
+        """0 all done, 4 some frames skipped or lost, or a path that ends, 130 or 143 stopped."""
+        some_lost = bool(self.lost or self.walked.ended)
+        all_done = self.result.exit_code == ALL_DONE
+        return SOME_SKIPPED if some_lost and all_done else self.result.exit_code
 
     @property
     def placed(self) -> Sequence[Placed]:
