@@ -19,12 +19,11 @@ from pseudolidar.formats.obstacle_words import (
     speed_text,
     unseen_text,
 )
+from pseudolidar.geometry.lines_in_view import lines_px
 from pseudolidar.structures.arrays import Float64, UInt8
 from pseudolidar.structures.box import BOX_EDGES, Box3D
 from pseudolidar.structures.obstacle import Obstacle
 
-# Edges are cut where they come nearer than this to the image plane, m.
-NEAREST_M = 0.2
 ABOVE_TEXT_SIZE = 0.38
 # Boxes nearer than this have thicker lines, m.
 THICK_BELOW_M = 25.0
@@ -131,27 +130,8 @@ def _scaled(box_px: tuple[float, float, float, float], scale: float) -> Float64:
 
 def _edges_px(box: Box3D, K: Float64, scale: float) -> list[tuple[Float64, Float64]]:
     """Ends of the edges in the picture, cut where they are behind the camera."""
-    corners = box.corners_m()
-    cut = (_in_front(corners[a], corners[b]) for a, b in BOX_EDGES)
-    return [(_pixel(a, K, scale), _pixel(b, K, scale)) for a, b in (e for e in cut if e)]
-
-
-def _in_front(a: Float64, b: Float64) -> tuple[Float64, Float64] | None:
-    """The part of an edge that is in front of the camera."""
-    if max(a[2], b[2]) <= NEAREST_M:
-        return None
-    if a[2] < NEAREST_M:
-        a = b + (a - b) * (b[2] - NEAREST_M) / (b[2] - a[2])
-    elif b[2] < NEAREST_M:
-        b = a + (b - a) * (a[2] - NEAREST_M) / (a[2] - b[2])
-    return a, b
-
-
-def _pixel(point: Float64, K: Float64, scale: float) -> Float64:
-    x, y, z = point
-    u = (K[0, 0] * x + K[0, 1] * y) / z + K[0, 2]
-    v = K[1, 1] * y / z + K[1, 2]
-    return np.array([scale * (u + 0.5) - 0.5, scale * (v + 0.5) - 0.5])
+    edges = lines_px(box.corners_m()[np.array(BOX_EDGES)], np.column_stack([K, np.zeros(3)]))
+    return [(begin, end) for begin, end in scale * (edges + 0.5) - 0.5]
 
 
 def _styled(

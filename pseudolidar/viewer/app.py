@@ -26,6 +26,7 @@ from pseudolidar.viewer.panels.help import HelpPanel
 from pseudolidar.viewer.panels.hue import HuePanel
 from pseudolidar.viewer.panels.obstacles import ObstaclesPanel
 from pseudolidar.viewer.panels.picture import PicturePanel
+from pseudolidar.viewer.panels.picture_boxes import PictureBoxes
 from pseudolidar.viewer.panels.points import PointsPanel
 from pseudolidar.viewer.panels.run import RunPanel
 from pseudolidar.viewer.panels.scene import ScenePanel
@@ -112,6 +113,7 @@ class App:
         if "Obstacles" in tab:
             with tab["Obstacles"]:
                 self.obstacles = ObstaclesPanel(self.view, sights, opened.objects, means.asked)
+            self.picture_boxes = PictureBoxes(self.view, self.picture, self.obstacles)
         if "Compare" in tab:
             with tab["Compare"]:
                 self.compare = ComparePanel(self.view, self.companions, means.rigs)

@@ -171,7 +171,7 @@ def test_a_box_is_measured_as_the_library_does(app: App, opened_page: Page):
 
 def test_pictures_are_of_the_frame(app: App, opened_page: Page):
     inner = pictures(opened_page)
-    names = inner.locator("nav button").all_inner_texts()
+    names = inner.locator("#kinds button").all_inner_texts()
     assert names == ["left", "right", "disparity", "depth", "sigma", "error", "velodyne"]
     with opened_page.expect_response(re.compile("kind=disparity")) as answered:
         inner.get_by_text("disparity", exact=True).click()
@@ -289,6 +289,39 @@ def test_objects_are_listed_as_the_library_measures_them(app: App, opened_page: 
     screenshot(opened_page, "obstacles")
 
 
+def test_a_box_in_the_picture_chooses_its_object(app: App, opened_page: Page):
+    """And tells what is in it; boxes can be switched off."""
+    listed, inner = objects_page(opened_page), pictures(opened_page)
+    inner.get_by_text("left", exact=True).click()
+    lines = inner.locator("#boxes polyline")
+    objects = app.obstacles.scene.objects
+    lines.nth(len(objects) + len(app.obstacles.scene.truths) - 1).wait_for(
+        state="attached", timeout=60_000
+    )
+    sides = inner.wait_for_selector("#picture").bounding_box()
+    assert sides is not None
+    left, top, right, bottom = objects[0].obstacle.detection.box_px
+    share = 0.5 * (left + right) / 512, (0.3 * top + 0.7 * bottom) / 155
+    at = sides["x"] + share[0] * sides["width"], sides["y"] + share[1] * sides["height"]
+    opened_page.mouse.move(*at)
+    inner.get_by_text(f"{objects[0].name}, {objects[0].distance}").wait_for(timeout=60_000)
+    opened_page.mouse.click(*at)
+    row = listed.locator('tbody tr[aria-selected="true"]')
+    row.wait_for(timeout=60_000)
+    assert row.inner_text().startswith(objects[0].name)
+    assert app.obstacles.scene.chosen == objects[0].key
+    inner.locator("#boxes .chosen").first.wait_for(state="attached", timeout=60_000)
+    inner.get_by_role("button", name="3D").click()
+    screenshot(opened_page, "boxes_in_picture")
+    for switch in ("boxes", "3D"):
+        inner.get_by_role("button", name=switch).click()
+    assert not lines.count()
+    assert not inner.locator("#boxes text").count()
+    inner.get_by_role("button", name="boxes").click()
+    row.click()
+    row.wait_for(state="detached", timeout=60_000)
+
+
 def test_a_chosen_object_stays_in_place(app: App, opened_page: Page):
     inner = objects_page(opened_page)
     inner.locator("tbody tr").nth(1).click()
@@ -319,6 +352,9 @@ def test_objects_that_are_none_are_not_chosen(app: App, opened_page: Page, key: 
     answer = opened_page.request.get(f"{base(app)}obstacles/choose", params={"key": key})
     assert answer.ok
     assert answer.json()["chosen"] == ""
+    assert opened_page.request.get(f"{base(app)}picture/choose", params={"key": key}).ok
+    boxes = opened_page.request.get(f"{base(app)}picture/boxes", params={"kind": key})
+    assert boxes.json()["chosen"] == ""
 
 
 def test_a_browser_sends_its_own_view_and_a_film_is_made(app: App, opened_page: Page):

@@ -11,6 +11,7 @@ from pseudolidar.evaluation.captions import write_on
 from pseudolidar.evaluation.cloud_views import Eye
 from pseudolidar.evaluation.free_place import Places, Rectangle
 from pseudolidar.evaluation.lines_and_labels import draw_label, draw_lines
+from pseudolidar.geometry.lines_in_view import in_front
 from pseudolidar.structures.arrays import Float32, Float64, UInt8
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.moment import Moment
@@ -25,8 +26,6 @@ from pseudolidar.viewer.objects.lines import dashed, edges_of
 from pseudolidar.viewer.objects.scene import ObjectScene
 from pseudolidar.viewer.objects.shown import Colour
 
-# Lines are cut where they come nearer than this to the plane of the eye, m.
-NEAREST_M = 0.2
 # Widths of lines of what is sure, and of what is not, px.
 SURE_PX, UNSURE_PX = 2, 1
 # An arrow's head is as long as this share of it, and half as wide to each side.
@@ -138,16 +137,8 @@ def points_of(scene: ObjectScene, parts: Parts) -> PointCloud | None:
 
 def projected(ends_m: Float32 | Float64, eye: Eye) -> list[tuple[Float64, Float64]]:
     """Both ends (2,), px, of what of lines (N, 2, 3) is in front of an eye."""
-    seen = (ends_m - np.asarray(eye.at_m)) @ eye.axes().T
-    seen = seen[(seen[:, :, 2] > NEAREST_M).any(axis=1)]
-    begin, end = seen[:, 0], seen[:, 1]
-    depth = np.stack([begin[:, 2], end[:, 2]])
-    step = np.where(depth[0] == depth[1], 1.0, depth[1] - depth[0])
-    at = np.clip((NEAREST_M - depth[0]) / step, 0.0, 1.0)[:, None]
-    cut = begin + at * (end - begin)
-    begin = np.where(depth[0][:, None] < NEAREST_M, cut, begin)
-    end = np.where(depth[1][:, None] < NEAREST_M, cut, end)
-    return list(zip(_pixels(begin, eye), _pixels(end, eye), strict=True))
+    seen = in_front((ends_m - np.asarray(eye.at_m)) @ eye.axes().T)
+    return list(zip(_pixels(seen[:, 0], eye), _pixels(seen[:, 1], eye), strict=True))
 
 
 def plain(text: str) -> str:

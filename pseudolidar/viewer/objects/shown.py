@@ -135,7 +135,7 @@ class ShownObject:
         return {
             "key": self.key,
             "name": self.name,
-            "colour": "#{:02x}{:02x}{:02x}".format(*self.colour),
+            "colour": hexadecimal(self.colour),
             "sure": self.sure,
             "distance": self.distance.removesuffix(" m"),
             "size": f"{box.length_m:.1f}×{box.width_m:.1f}×{box.height_m:.1f}",
@@ -152,10 +152,14 @@ class ShownTruth:
     Args:
         corners_m: (8, 3) of its box, in the frame of the clouds.
         label: what it is, and how far.
+        box_px: left, top, right, bottom in the left picture, as labelled.
+        distance_m: of its nearest face; None where nobody knows.
     """
 
     corners_m: Float64
     label: str
+    box_px: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    distance_m: float | None = None
 
     @classmethod
     def of(cls, label: Label, camera: Camera, T_forward_camera: Float64) -> Self | None:
@@ -165,7 +169,8 @@ class ShownTruth:
         distance_m = nearest_depth_m(label.box, camera)
         far = "" if distance_m is None else f"\n{distance_m:.1f} m"
         corners = label.box.corners_m() @ T_forward_camera[:3, :3].T + T_forward_camera[:3, 3]
-        return cls(corners, f"{label.detection.name}{far}")
+        detection = label.detection
+        return cls(corners, f"{detection.name}{far}", detection.box_px, distance_m)
 
 
 def colour_of(obstacle: Obstacle) -> Colour:
@@ -174,6 +179,11 @@ def colour_of(obstacle: Obstacle) -> Colour:
         return CLASS_COLOURS.get(obstacle.detection.name.lower(), OTHER_COLOUR)
     red, green, blue = object_colours(np.array([obstacle.track.track_id]))[0]
     return int(red), int(green), int(blue)
+
+
+def hexadecimal(colour: Colour) -> str:
+    """A colour as pages have it: `#rrggbb`."""
+    return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
 def speed_text(obstacle: Obstacle) -> str:

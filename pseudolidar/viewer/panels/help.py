@@ -20,8 +20,9 @@ OTHER_KEYS = """| F | follow the rig, or stay with the map |
 | B | show only one of the compared clouds, the next one |
 
 Drag to turn, right-drag to move, scroll to come nearer. In the pictures: point at a pixel for its
-depth, drag a box to measure what is in it. Click a point of the scene to know it; tab Points sets a
-box about it and tells how large and how flat what it holds is.
+depth, drag a box to measure what is in it, click on the box of an obstacle to choose it. Click a
+point of the scene to know it; tab Points sets a box about it and tells how large and how flat what
+it holds is.
 """
 EMPTY = """
 **Nothing is open.** End this (Ctrl-C in its terminal) and give it something to look at. A click

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import threading
-from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +14,6 @@ from pseudolidar.obstacles.detector import Detector
 from pseudolidar.obstacles.detectors import AnyDetector
 from pseudolidar.obstacles.tracker import Tracker
 from pseudolidar.structures.arrays import Float64
-from pseudolidar.viewer.answers import Answer
 from pseudolidar.viewer.controls import set_value
 from pseudolidar.viewer.filming.outlined import FilmedObjects
 from pseudolidar.viewer.live_reel import LiveReel
@@ -32,14 +28,14 @@ from pseudolidar.viewer.objects.asking import (
     kinds,
 )
 from pseudolidar.viewer.objects.drawn import DrawnObjects, Parts
+from pseudolidar.viewer.objects.in_picture import PictureBox, boxes_in_picture
 from pseudolidar.viewer.objects.scene import ObjectScene
 from pseudolidar.viewer.objects.teller import RunObjects, Wish
 from pseudolidar.viewer.objects.watch import ObjectWatch
+from pseudolidar.viewer.panels.obstacle_list import ObstacleList
 from pseudolidar.viewer.remembered import RememberedSights
 from pseudolidar.viewer.view import View
 
-PAGE = Path(__file__).parent.parent / "pages" / "obstacles.html"
-HEIGHT_PX = 260
 # Objects are looked for in so many frames ahead of the shown one.
 AHEAD = 3
 # From where a camera looks at an object, m: behind it and above.
@@ -73,6 +69,7 @@ class ObstaclesPanel:
         self._drawing = threading.Lock()
         self._fault, self._version = "", 0
         self.scene = ObjectScene()
+        self._drawn_of: Moment | None = None
         self._loaded: tuple[AnyDetector, Detector] | None = None
         self.watch = ObjectWatch(sights, run, self._came)
         # A run that goes on finds by itself: there is nothing to ask for.
@@ -101,25 +98,18 @@ class ObstaclesPanel:
         )
         self._words = gui.add_text("Which", "", visible=False, hint=WORDS)
         self._kind.on_update(lambda _: self._choose())
-        self._list_page()
+        ObstacleList(
+            self._view,
+            lambda: self.version,
+            self._told,
+            lambda key: self.choose("" if key == self.scene.chosen else key),
+        )
         self._chosen_controls()
         self._limits()
         self._corridor_controls()
         self._part_controls()
         for control in (self._words, self._track, self._watched, self._size):
             control.on_update(lambda _: self._ask())
-
-    def _list_page(self) -> None:
-        page = PAGE.read_bytes()
-        self._view.server.pages |= {
-            "/obstacles": lambda _query: Answer(page, "text/html; charset=utf-8"),
-            "/obstacles/state": self._state,
-            "/obstacles/choose": self._choose_one,
-        }
-        self._view.gui.add_html(
-            f'<iframe src="/obstacles" title="Obstacles" style="width:100%;height:{HEIGHT_PX}px;'
-            'border:0;display:block"></iframe>'
-        )
 
     def _chosen_controls(self) -> None:
         gui = self._view.gui
@@ -253,7 +243,7 @@ class ObstaclesPanel:
         with self._drawing:
             if moment is not self._view.moment:  # a later one was shown meanwhile
                 return
-            self.scene = self.watch.scene(moment)
+            self.scene, self._drawn_of = self.watch.scene(moment), moment
             self._drawn.show(self.scene, self._parts)
             self._look.disabled = self.scene.chosen_one is None
             self._version += 1
@@ -276,24 +266,27 @@ class ObstaclesPanel:
         client.camera.position = placement.of_rig(behind)
         client.camera.look_at = placement.of_rig(chosen.middle_m)
 
-    def _choose_one(self, query: Mapping[str, str]) -> Answer:
-        """Choose one of the shown objects, or none."""
-        key = query.get("key", "")
-        known = key in {one.key for one in self.scene.objects}
-        self.watch.chosen = key if known and key != self.watch.chosen else ""
+    @property
+    def version(self) -> str:
+        """Changes with what is drawn."""
+        return f"{self._view.version}.{self._version}"
+
+    def choose(self, key: str) -> None:
+        """Choose one of the shown objects, by its key; any other key is none."""
+        self.watch.chosen = key if key in {one.key for one in self.scene.objects} else ""
         if self._follow.value:
             self._hold()
         self._again()
-        return self._state({})
 
-    def _state(self, _query: Mapping[str, str]) -> Answer:
-        scene, view = self.scene, self._view
-        state = {
-            "version": f"{view.version}.{self._version}",
-            "dark": view.dark,
-            "text": self._fault or scene.text,
-            "corridor": "" if scene.corridor is None else scene.corridor.text,
-            "chosen": scene.chosen,
-            "rows": [one.row for one in scene.objects],
-        }
-        return Answer(json.dumps(state).encode())
+    def in_picture(self, *, right: bool) -> tuple[PictureBox, ...]:
+        """Boxes over the left or the right picture of the frame that is drawn."""
+        with self._drawing:
+            scene, moment = self.scene, self._drawn_of
+        if moment is None:
+            return ()
+        truths = scene.truths if self._parts.truth else ()
+        return boxes_in_picture(replace(scene, truths=truths), moment, right=right)
+
+    def _told(self) -> ObjectScene:
+        scene = self.scene
+        return replace(scene, text=self._fault or scene.text)

@@ -46,6 +46,7 @@ class PicturePanel:
         self._view, self._sights = view, sights
         self._layers: dict[str, Layer] = {}
         self._pickers: list[Callable[[float, float], None]] = []
+        self._boxes: Callable[[], str] | None = None
         page = PAGE.read_bytes()
         view.server.pages |= {
             "/picture": lambda _query: Answer(page, "text/html; charset=utf-8"),
@@ -61,6 +62,10 @@ class PicturePanel:
     def add_layer(self, name: str, layer: Layer) -> None:
         """Offer another picture, of the same size as the left one."""
         self._layers[name] = layer
+
+    def show_boxes(self, version: Callable[[], str]) -> None:
+        """Ask `/picture/boxes` for boxes over the pictures whenever this version changes."""
+        self._boxes = version
 
     def on_pick(self, picker: Callable[[float, float], None]) -> None:
         """Call this with the place (x, y), px, of every click into the picture."""
@@ -94,6 +99,8 @@ class PicturePanel:
     def _state(self, _query: Mapping[str, str]) -> Answer:
         converted = self._converted
         state = {"version": self._view.version, "dark": self._view.dark, "kinds": []}
+        if self._boxes is not None:
+            state["boxes"] = self._boxes()
         if converted is not None and (found := kinds(converted)):
             camera = camera_of(converted.frame)
             names = [*found, *self._layers_of(self._view.moment)]
