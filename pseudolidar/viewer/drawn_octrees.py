@@ -42,7 +42,7 @@ KEPT_SHARE, MOST_WAITING = 0.25, 48
 HALF_PRECISION_M = 2.0
 
 # Points that are looked through for what lies in a box.
-MOST_WITHIN = 4_000_000
+MOST_WITHIN = 2_000_000
 
 Node = tuple[str, int]
 

@@ -94,7 +94,9 @@ def _somewhere(mesh: Mesh, path: Path) -> Mesh:
     if near.all():
         return mesh
     kept = np.asarray(near[mesh.triangles].all(axis=1))
-    _log.warning("%s: %s triangles farther than the Earth is large", path, f"{(~kept).sum():,}")
+    _log.warning(
+        "%s: %s triangles left out, farther than the Earth is large", path, f"{(~kept).sum():,}"
+    )
     return mesh.only(kept)
 
 

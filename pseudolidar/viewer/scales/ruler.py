@@ -61,7 +61,7 @@ class Ruler:
             look_at_m: (3,) what it looks at.
             level_m: height of the ground in the scene.
         """
-        middle = np.array([*look_at_m[:2], level_m])
+        middle = np.array([*look_at_m[:2], round(level_m, 2)])
         way_m = float(np.clip(np.linalg.norm(middle - eye.position_m), LEAST_M, MOST_M))
         wide_m = 2 * way_m * np.tan(0.5 * eye.fov) * eye.aspect
         length_m = round_length_m(WIDTH_SHARE * float(np.clip(wide_m, LEAST_M, MOST_M)))
@@ -69,7 +69,7 @@ class Ruler:
         turns = round(float(np.degrees(np.arctan2(right[1], right[0]))) / TURN_STEP_DEG)
         step_m = MOVE_SHARE * length_m
         x, y = (np.round(middle[:2] / step_m) * step_m).tolist()
-        middle_m = x, y, level_m + ABOVE_SHARE * length_m
+        middle_m = x, y, float(middle[2]) + ABOVE_SHARE * length_m
         return cls(middle_m, turns * TURN_STEP_DEG, length_m)
 
     @property

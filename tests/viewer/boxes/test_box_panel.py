@@ -9,6 +9,7 @@ import pytest
 
 from pseudolidar.formats.points.pcd import decode_pcd
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.viewer import drawn_octrees
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.boxes.region import Region
@@ -125,6 +126,17 @@ def test_hidden_clouds_and_boxes_tell_nothing(app: App, box: BoxPanel):
     wait_until(lambda: box._text.content == "")
     assert not box._drawn._frame.visible
     set_value(box._shown, True)
+
+
+def test_of_too_many_points_the_coarsest_are_looked_through_and_that_is_told(
+    app: App, box: BoxPanel, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(drawn_octrees, "MOST_WITHIN", 150_000)
+    box.put(Region.about(np.zeros(3), np.full(3, 50.0)))
+    one = settled(box).figures["b.ply"]
+    assert 10_000 < len(one.points) <= 150_000
+    assert one.whole == 400_000
+    assert "of some 400,000 near it" in box._text.content
 
 
 def test_buttons_pressed_without_points_do_nothing(app: App, box: BoxPanel):
