@@ -17,8 +17,8 @@ from pseudolidar.viewer.boxes.region import LEAST_M, MOST_M, Region
 from pseudolidar.viewer.boxes.told import table
 from pseudolidar.viewer.controls import set_value
 from pseudolidar.viewer.drawn_region import DrawnRegion
+from pseudolidar.viewer.latest import Latest
 from pseudolidar.viewer.panels.points import PointsPanel
-from pseudolidar.viewer.tuning.latest import Latest
 from pseudolidar.viewer.view import View
 
 HINT = (

@@ -11,11 +11,11 @@ from pseudolidar.viewer.comparing.pool import EVERY, Pool, choices
 from pseudolidar.viewer.comparing.range_plot import told
 from pseudolidar.viewer.comparing.rigs import RigShop
 from pseudolidar.viewer.controls import set_value
+from pseudolidar.viewer.latest import Latest
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.panels.beside import BesidePanel
 from pseudolidar.viewer.panels.rig import RigPanel
 from pseudolidar.viewer.panels.time import escaped
-from pseudolidar.viewer.tuning.latest import Latest
 from pseudolidar.viewer.view import View
 
 NOTHING = ("",)

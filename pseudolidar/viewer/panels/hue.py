@@ -14,6 +14,7 @@ from pseudolidar.running.reports.samples import photo_of
 from pseudolidar.structures.arrays import UInt8
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.viewer.controls import set_value
+from pseudolidar.viewer.latest import Latest
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.panels.picture import PicturePanel
 from pseudolidar.viewer.panels.time import escaped
@@ -21,7 +22,6 @@ from pseudolidar.viewer.panels.tune_part import KnobControl
 from pseudolidar.viewer.pictures import Layer
 from pseudolidar.viewer.tuning.hue import Found, colour_at, flag_of, found_by, marked
 from pseudolidar.viewer.tuning.knobs import Knob, knobs_of
-from pseudolidar.viewer.tuning.latest import Latest
 from pseudolidar.viewer.view import View
 
 LAYER = "colour"

@@ -10,10 +10,10 @@ from pseudolidar.viewer.answers import Answer
 from pseudolidar.viewer.comparing.companions import Companion, Companions
 from pseudolidar.viewer.comparing.joined import join
 from pseudolidar.viewer.comparing.rigs import RIG_FILE, Ended, RigShop
+from pseudolidar.viewer.latest import Latest
 from pseudolidar.viewer.moment import STEREO
 from pseudolidar.viewer.panels.time import escaped
 from pseudolidar.viewer.reel import Reel
-from pseudolidar.viewer.tuning.latest import Latest
 from pseudolidar.viewer.view import View
 
 REFINED, STOCK = "refined rig", "stock rig"

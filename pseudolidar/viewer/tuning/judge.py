@@ -12,9 +12,9 @@ from pseudolidar.evaluation.preview_picture import Panel, labelled, resized
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.structures.arrays import Float32, Image, UInt8
 from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.viewer.latest import Latest
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.tuning.figures import FrameFigures, Reference, figures_of
-from pseudolidar.viewer.tuning.latest import Latest
 
 # Disparity that is red, as `pictures.RED_SHARE`, and a change that is red, px.
 RED_SHARE, RED_CHANGE_PX = 0.98, 3.0

@@ -14,9 +14,9 @@ from pseudolidar.running.sighting import Seen
 from pseudolidar.structures.arrays import Image
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import Frame
+from pseudolidar.viewer.latest import Latest
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.reel import SourceReel
-from pseudolidar.viewer.tuning.latest import Latest
 from pseudolidar.viewer.tuning.reduced import (
     enlarged,
     parts_of_width,
