@@ -87,9 +87,9 @@ def driven(frames: list[StereoFrame]) -> tuple[dict[str, Driven], float]:
 
 def line(name: str, drive: Drive, one: Driven, match_ms: float) -> str:
     """One row of the table."""
-    lost = sum(state.status == "lost" for state in one.states)
+    lost = sum(not state.measured for state in one.states)
     if lost:
-        return f"{name}  lost {lost} of {len(one.states)} frames"
+        return f"{name}  nothing measured of {lost} of {len(one.states)} frames"
     told = np.stack([state.T_odom_camera.matrix for state in one.states])
     (path,) = one.chain.trajectories()
     first, settled = drift(told, drive.T_odom), drift(path.T_world_body, drive.T_odom)
