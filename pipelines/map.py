@@ -252,13 +252,13 @@ def run(job: Map) -> MapReport | Rehearsal:
             if film is not None:
                 film.add(matched, registered, walk.placed[0].id)
             if onlooker is not None:
-                T = registered.state.T_odom_camera if registered.state.measured else None
-                onlooker.show(frame.index, Glimpse(matched.frame, matched.disparity, T))
+                seen = Glimpse.of(matched.frame, matched.disparity, registered.state)
+                onlooker.show(frame.index, seen)
             walk = checkpoints.after(walk)
         seconds = time.monotonic() - begun_s
         walked = walk.walked()
         rig = source.rig.with_correction(walk.correction or source.rig.correction)
-        files = path_files(job, walk, walked, rig)
+        files = path_files(job, run, walk, walked, rig)
         if film is not None:
             files = (*files, film.finish(run, source))
         made = mapped(job, source, walked.pieces, rig, recording)
@@ -299,10 +299,11 @@ def onlooking() -> Callable[[Glimpse], Moment]:
     return lambda glimpse: Moment.of(glimpse.converted(reproject))
 
 
-def path_files(job: Map, walk: Walk, walked: Walked, rig: StereoRig) -> tuple[Path, ...]:
+def path_files(job: Map, run: Run, walk: Walk, walked: Walked, rig: StereoRig) -> tuple[Path, ...]:
     """Write the path, how each pose came about, and the rig with what its motion told of it."""
     files = write_trajectories(job.out, walked.pieces, rig)
-    files = (*files, write_frame_table(job.out, walked))
+    table = write_frame_table(job.out, walked, run.source.ids, run.result().skipped)
+    files = (*files, table)
     if walk.correction is None:
         return files
     write_rig(job.out / RIG_NAME, rig)

@@ -15,6 +15,8 @@ from pseudolidar.structures.pose import Pose
 # `first` of a piece of path, `ok`, `extrapolated`: where it would be if it went on as before, or
 # `lost`: nobody knows where.
 OdometryStatus = Literal["first", "ok", "extrapolated", "lost"]
+# Of frames of which something was seen of how they moved, or that a piece of path begins at.
+MEASURED: tuple[OdometryStatus, ...] = ("first", "ok")
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +115,12 @@ class OdometryState:
     @property
     def measured(self) -> bool:
         """Whether something was seen of how it moved, or a piece of path begins here."""
-        return self.status in ("first", "ok")
+        return self.status in MEASURED
+
+    @property
+    def measured_pose(self) -> Pose | None:
+        """`T_odom_camera`, where it was measured: what maps and loops may rest on."""
+        return self.T_odom_camera if self.measured else None
 
     @property
     def n_tracks(self) -> int:

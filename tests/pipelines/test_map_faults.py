@@ -113,8 +113,10 @@ def test_scans_without_shape_are_extrapolated_or_left_out(root: Path, capsys):
     out = root.parent / "out"
     assert "1 of 4 poses are extrapolated" in (out / "trajectory.tum").read_text().split("\n")[0]
     rows = list(csv.DictReader((out / "frames.csv").open()))
-    assert [row["status"] for row in rows] == ["first", "ok", "extrapolated", "ok", "lost"]
-    assert [row["row"] for row in rows] == ["1", "2", "3", "4", ""]
+    statuses = ["first", "ok", "extrapolated", "skipped", "ok", "lost"]
+    assert [row["status"] for row in rows] == statuses
+    assert [row["row"] for row in rows] == ["1", "2", "3", "", "4", ""]
+    assert "finite" in rows[3]["why"]
     assert float(rows[2]["sigma_m"]) > 0.01
     assert "3 points" in rows[2]["why"]
     report = (out / "report.html").read_text()

@@ -12,6 +12,7 @@ from pseudolidar.running.products.converted import Converted
 from pseudolidar.stereo.reproject import Reprojector
 from pseudolidar.structures.disparity import DisparityMap
 from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.structures.odometry import OdometryState
 from pseudolidar.structures.pose import Pose
 
 
@@ -29,6 +30,11 @@ class Glimpse:
     frame: StereoFrame
     disparity: DisparityMap
     T_odom_camera: Pose | None
+
+    @classmethod
+    def of(cls, frame: StereoFrame, disparity: DisparityMap, state: OdometryState) -> Glimpse:
+        """A frame with what odometry told of it."""
+        return cls(frame, disparity, state.measured_pose)
 
     def converted(self, reproject: Reprojector) -> Converted:
         """Its points, with the pose that was found in place of the source's."""

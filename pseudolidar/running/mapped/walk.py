@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -50,27 +49,10 @@ class Walk:
             ScanMissing: KISS-ICP alone was asked for, and it has no scan.
         """
         registered = self._chain.register(frame, disparity, movable)
-        state, check = registered.state, registered.check
+        state = registered.state
         truth = None if frame.pose is None else frame.pose.matrix @ self._T_base_left
-        self.placed.append(
-            Placed(
-                frame.id,
-                frame.index,
-                frame.timestamp_ns,
-                state.status,
-                state.why,
-                state.piece,
-                state.n_tracks,
-                state.inliers,
-                check is not None and check.wrong,
-                truth,
-                # Of masks the boxes are kept: memory must not grow by a picture a frame.
-                tuple(replace(one, mask=None) for one in movable),
-                state.ended,
-                registered.sensors,
-            )
-        )
-        pose = state.T_odom_camera if state.measured else None
+        self.placed.append(Placed.of(frame, registered, truth, movable))
+        pose = state.measured_pose
         if self._loops is not None and pose and self._loops.wants(pose.matrix, state.piece):
             self._found += self._loops.add(
                 frame.index,

@@ -9,11 +9,12 @@ from typing import Self
 import numpy as np
 
 from pseudolidar.errors import OdometryLost
-from pseudolidar.mapping.registered import Sensors
+from pseudolidar.mapping.registered import Registered, Sensors
 from pseudolidar.structures.arrays import Bool, Float64, Int64
 from pseudolidar.structures.box import Detection
+from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.loop import LoopClosure
-from pseudolidar.structures.odometry import OdometryStatus
+from pseudolidar.structures.odometry import MEASURED, OdometryStatus
 from pseudolidar.structures.pose import Trajectory
 
 
@@ -51,6 +52,32 @@ class Placed:
     ended: OdometryLost | None = None
     sensors: Sensors = "none"
 
+    @classmethod
+    def of(
+        cls,
+        frame: StereoFrame,
+        registered: Registered,
+        T_map_camera: Float64 | None,
+        movable: Sequence[Detection],
+    ) -> Self:
+        """A frame as odometry told of it, without its pictures: memory must not grow by them."""
+        state, check = registered.state, registered.check
+        return cls(
+            frame.id,
+            frame.index,
+            frame.timestamp_ns,
+            status=state.status,
+            why=state.why,
+            piece=state.piece,
+            tracks=state.n_tracks,
+            inliers=state.inliers,
+            wrong=check is not None and check.wrong,
+            T_map_camera=T_map_camera,
+            movable=tuple(replace(one, mask=None) for one in movable),
+            ended=state.ended,
+            sensors=registered.sensors,
+        )
+
     @property
     def lost(self) -> bool:
         """Whether nobody knows where it was taken."""
@@ -59,7 +86,12 @@ class Placed:
     @property
     def measured(self) -> bool:
         """Whether something was seen of how it moved, or a piece of path begins here."""
-        return self.status in ("first", "ok")
+        return self.status in MEASURED
+
+    @property
+    def extrapolated(self) -> bool:
+        """Whether nothing was, and yet it has a pose."""
+        return self.status == "extrapolated"
 
     @property
     def blind(self) -> bool:
@@ -73,8 +105,7 @@ class Placed:
         if between:
             return replace(self, status="extrapolated")
         withdrawn = "; the pose that was extrapolated is withdrawn"
-        was = self.status == "extrapolated"
-        return replace(self, status="lost", why=self.why + withdrawn * was)
+        return replace(self, status="lost", why=self.why + withdrawn * self.extrapolated)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import numpy as np
 
 from pseudolidar.evaluation.comparison.plots.style import BLUE, GREEN, VERMILLION, new_figure
 from pseudolidar.evaluation.page import Picture, PictureRow
+from pseudolidar.evaluation.trajectory.judge import TrajectoryErrors
 from pseudolidar.evaluation.trajectory.plots import above_plot, along_plot, plane_of, thinned
 from pseudolidar.formats.trajectory_file import KITTI_VERTICAL
 from pseudolidar.running.mapped.walked import Piece, Placed
@@ -37,11 +38,12 @@ def path_plots(report: MapReport) -> list[PictureRow]:
         return [
             PictureRow((Picture.plot(_alone(report.pieces), "from above; each piece by itself"),))
         ]
-    errors, measured = report.errors, report.pieces[0].measured
+    errors = report.errors
     above, along = above_plot(errors, None), along_plot(errors)
     across, ahead, _ = plane_of(errors.reference, None)
-    _guessed(above.axes[0], errors.aligned[~measured][:, (across, ahead), 3])
-    _guessed(along.axes[0], np.stack([errors.path_m, errors.ape_m], axis=1)[~measured])
+    guessed, errors_m = _laid_beside(errors, report.pieces[0])
+    _guessed(above.axes[0], guessed[:, (across, ahead), 3])
+    _guessed(along.axes[0], errors_m)
     told = "from above, beside the source's own poses; colours tell the position error"
     alt = "The path from above beside the reference."
     pictures = (
@@ -49,6 +51,20 @@ def path_plots(report: MapReport) -> list[PictureRow]:
         Picture.plot(along, "errors along the path, aligned"),
     )
     return [PictureRow(pictures)]
+
+
+def _laid_beside(errors: TrajectoryErrors, piece: Piece) -> tuple[Float64, Float64]:
+    """Poses that were not measured, laid where the others are.
+
+    Returns:
+        (M, 4, 4); and (M, 2) their places along the path with how far they are off, m.
+    """
+    guessed, truth = ~piece.measured, piece.truth
+    assert truth is not None  # there are errors
+    laid = errors.alignment.poses(piece.T_odom_camera[guessed])
+    along_m = np.interp(piece.times_ns[guessed], piece.times_ns[~guessed], errors.path_m)
+    off_m = np.linalg.norm(laid[:, :3, 3] - truth[guessed][:, :3, 3], axis=1)
+    return laid, np.stack([along_m, off_m], axis=1)
 
 
 def _alone(pieces: Sequence[Piece]) -> Figure:
@@ -75,7 +91,7 @@ def tracks_plot(placed: Sequence[Placed]) -> Picture:
     axes.plot(numbers, [one.tracks for one in placed], color=BLUE, linewidth=1.2, label="tracks")
     inliers = [one.inliers for one in placed]
     axes.plot(numbers, inliers, color=GREEN, linewidth=1.2, label="that agree")
-    guessed = numbers[np.array([not (one.measured or one.lost) for one in placed], np.bool_)]
+    guessed = numbers[np.array([one.extrapolated for one in placed], np.bool_)]
     _guessed(axes, np.stack([guessed, np.zeros(len(guessed))], axis=1))
     for marked, marker, colour, name in (
         ([one.lost for one in placed], "x", VERMILLION, "lost"),

@@ -72,7 +72,7 @@ class MapReport:
     @property
     def extrapolated(self) -> list[Placed]:
         """Frames of which nothing was measured, between others that were."""
-        return [one for one in self.placed if not (one.measured or one.lost)]
+        return [one for one in self.placed if one.extrapolated]
 
     @property
     def corrected(self) -> list[Placed]:
@@ -95,6 +95,7 @@ class MapReport:
         longest = self.pieces[0] if self.pieces else None
         told: dict[str, Any] = {
             "frames": 0 if longest is None else len(longest.frames),
+            "frames_judged": 0,
             "length_m": 0.0 if longest is None else longest.length_m,
             "end_error_rel": None,
             "t_rel": None,
@@ -103,7 +104,8 @@ class MapReport:
             "ape_rmse_m": None,
         }
         if self.errors is not None:
-            told |= self.errors.summary()
+            frames = {"frames": told["frames"], "frames_judged": len(self.errors.pairs)}
+            told |= self.errors.summary() | frames
         return told | {
             "pieces": len(self.pieces),
             "loops": [loop_dict(loop) for loop in self.walked.loops],
@@ -139,10 +141,16 @@ class MapReport:
         segments = ", ".join(f"{length:.0f}" for length in told["segments_m"])
         return [
             line,
-            f"  against the source's own poses: {percent(told['end_error_rel'])} of the way at the "
-            f"end, t_rel {percent(told['t_rel'])} ({segments} m), "
+            f"  against the source's own poses{self._judged()}: {percent(told['end_error_rel'])} "
+            f"of the way at the end, t_rel {percent(told['t_rel'])} ({segments} m), "
             f"APE {told['ape_rmse_m']:.3f} m rmse",
         ]
+
+    def _judged(self) -> str:
+        """How many poses errors are of, where some were not measured."""
+        if self.errors is None or not self.pieces or self.pieces[0].measured.all():
+            return ""
+        return f" ({len(self.errors.pairs)} that were measured)"
 
     def _trouble_lines(self) -> list[str]:
         lines = []
@@ -203,9 +211,15 @@ def loop_dict(loop: LoopClosure) -> dict[str, float | int]:
 
 
 def errors_of(pieces: Sequence[Piece]) -> TrajectoryErrors | None:
-    """Errors of the longest piece against the source's poses; None where it has not all of them."""
+    """Errors of the longest piece against the source's poses; None where it has not all of them.
+
+    Poses are judged that were measured. Those between them are none of odometry's doing.
+    """
     truth = pieces[0].truth if pieces else None
-    if truth is None or len(truth) < FEWEST_PAIRS:
+    if truth is None:
         return None
-    longest = pieces[0]
-    return judge_trajectory(PairedPoses.of_frames(longest.T_odom_camera, truth, longest.times_ns))
+    longest, measured = pieces[0], pieces[0].measured
+    if measured.sum() < FEWEST_PAIRS:
+        return None
+    poses, times_ns = longest.T_odom_camera[measured], longest.times_ns[measured]
+    return judge_trajectory(PairedPoses.of_frames(poses, truth[measured], times_ns))

@@ -7,12 +7,14 @@ import base64
 import cv2
 import numpy as np
 
+from pseudolidar.mapping.registered import Registered
 from pseudolidar.running.mapped.walked import Placed, Walked
 from pseudolidar.running.reports.loop_sections import loop_sections
 from pseudolidar.running.reports.map_report import loop_dict
 from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.loop import LoopClosure, LoopEnd
+from pseudolidar.structures.odometry import OdometryState
 
 
 def closure(correction_m: float) -> LoopClosure:
@@ -38,7 +40,8 @@ def test_each_loop_has_its_numbers_and_two_pictures():
     every = Synthetic("room", frames=4, width_px=128).open()
     source = select(every, FrameSelection.parse("1:4"), None)  # places are not indices here
     placed = tuple(
-        Placed(every.ids[index], index, index, "ok", "", 0, 0, 0, False, None) for index in range(4)
+        Placed.of(every.load(index), Registered(OdometryState("lost")), None, ())
+        for index in range(4)
     )
     walked = Walked((), placed, (closure(1.5),), (closure(9.0),), {"few_matches": 4})
     (section,) = loop_sections(walked, source)

@@ -15,10 +15,12 @@ from pseudolidar.mapping.kiss_library import load_kiss
 from pseudolidar.mapping.loops import LoopFinder
 from pseudolidar.mapping.odometry import Fused, Kiss, Vision
 from pseudolidar.mapping.place_store import PlaceFile
+from pseudolidar.mapping.visual_odometry import VisualOdometry
 from pseudolidar.running.mapped.state_file import decode_state, encode_state
 from pseudolidar.running.mapped.walk import Walk
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.box import Detection
+from pseudolidar.structures.disparity import DisparityMap
 
 
 @dataclass
@@ -101,6 +103,19 @@ def test_a_threshold_keeps_what_it_learnt_from_alone():
     assert 100 > len(set(told[100:200])) > 10  # some do
     assert sizes[1] - sizes[0] < 0.6 * sizes[0]
     assert sizes[2] == sizes[1]
+
+
+def test_where_a_path_ended_comes_back(street):
+    rig, frames = street
+    walk = Walk(Vision(VisualOdometry(reach=1)).start(rig), rig)
+    for index, frame in enumerate(frames[:4]):
+        nothing = DisparityMap(np.full_like(frame.truth.values, np.nan))
+        walk.step(frame, nothing if index in (1, 2) else frame.truth, [])
+    again = decode_state(encode_state(walk, {}), {})
+    assert [one.status for one in again.placed] == ["first", "lost", "lost", "first"]
+    ended = again.placed[2].ended
+    assert ended.as_dict() == walk.placed[2].ended.as_dict()
+    assert ended.where == f"frame {frames[0].id}"
 
 
 @pytest.fixture(scope="module")

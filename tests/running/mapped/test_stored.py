@@ -1,11 +1,15 @@
 """Disparities of frames on the disk, and files that are none."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from pseudolidar.errors import ImageUnreadable
+from pseudolidar.errors import ImageUnreadable, LowTexture
 from pseudolidar.formats.limits import Limits
 from pseudolidar.formats.pictures.stored_disparity import decode_disparity, encode_disparity
+from pseudolidar.running.mapped.stored import MatchOnce
+from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.disparity import DisparityMap
 
 
@@ -49,3 +53,18 @@ def test_a_cut_or_changed_file_is_refused():
 def test_a_file_that_claims_too_much_is_refused():
     with pytest.raises(ImageUnreadable, match="pixels"):
         decode_disparity(encode_disparity(some()), limits=Limits(pixels=100))
+
+
+def test_where_nothing_is_seen_nothing_is_looked_for(tmp_path):
+    def dark(_frame):
+        raise LowTexture("black", where="left")
+
+    def never(_frame):
+        raise AssertionError("looked for things in a black picture")
+
+    source = Synthetic("street", frames=1, width_px=64, height_px=32).open()
+    match_once = MatchOnce(SimpleNamespace(disparity=dark), tmp_path, sight=never, detect=never)
+    matched = match_once(source.load(0))
+    assert matched.movable == ()
+    assert not matched.disparity.valid.any()
+    assert "LowTexture: black" in matched.product.figures["notes"]
