@@ -20,7 +20,8 @@ _log = logging.getLogger(__name__)
 
 # A view that moves is looked at no more often, s.
 PAUSE_S = 0.1
-LIGHT, DARK, MARK = (250, 250, 250), (200, 20, 20), (250, 250, 250)
+# Both, and the marks, are seen on dark pages and on light ones.
+LIGHT, DARK, MARK = (165, 165, 165), (200, 20, 20), (165, 165, 165)
 BAR_PX, MARK_PX = 5.0, 2.0
 
 
