@@ -285,8 +285,10 @@ def rig_shop(job: View, reel: SourceReel) -> RigShop | None:
 
     def fit(seen: Seeing) -> Fit:
         frames = pairs_of(some_frames(pairs_as_taken(refine), seen))
-        found = fitted(refine, frames, CrewPlan(1))  # one core is left to those who look
-        give_back_freed_memory()  # again: the fit, as every run, told glibc to keep it
+        try:
+            found = fitted(refine, frames, CrewPlan(1))  # one core is left to those who look
+        finally:
+            give_back_freed_memory()  # again: the fit, as every run, told glibc to keep it
         rig = mounted(found.rig, frames) if found.changed else None
         return Fit(rig, found.lines)
 

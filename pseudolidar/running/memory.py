@@ -37,9 +37,15 @@ def give_back_freed_memory() -> None:
     For a process that stays for hours and makes now this, now that, in many threads: by default
     arrays of some MB lie among small objects that stay, in a heap for each thread, and what is
     between them is lost. What the viewer holds grew by a third in four minutes, without one object
-    more (`tests/benchmarks/viewer_soak.py`, 2026-11-27).
+    more (`tests/benchmarks/viewer_soak.py`, 2026-11-27). After `keep_freed_memory` it holds again.
     """
-    _tell_glibc({_M_MMAP_THRESHOLD: _GIVEN_BACK_BYTES, _M_ARENA_MAX: _FEW_HEAPS})
+    _tell_glibc(
+        {
+            _M_MMAP_THRESHOLD: _GIVEN_BACK_BYTES,
+            _M_TRIM_THRESHOLD: _GIVEN_BACK_BYTES,
+            _M_ARENA_MAX: _FEW_HEAPS,
+        }
+    )
 
 
 def _tell_glibc(parameters: dict[int, int]) -> None:

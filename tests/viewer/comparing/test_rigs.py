@@ -13,6 +13,7 @@ from pseudolidar.pipelines.view import rig_shop
 
 from pseudolidar.errors import ReferenceMissing
 from pseudolidar.formats.rigs.rig_json import read_rig, write_rig
+from pseudolidar.pipelines import view as view_pipeline
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.viewer.comparing.companions import Companions
@@ -57,6 +58,21 @@ def test_frames_by_a_refined_rig_are_where_the_scan_is(tmp_path: Path):
     (tmp_path / "rig.json").write_bytes(found.file)
     assert read_rig(tmp_path / "rig.json").correction is not None
     assert any("3 frames" in line for line in found.lines)
+
+
+def test_memory_is_given_back_after_a_fit_that_fails(monkeypatch: pytest.MonkeyPatch):
+    given_back: list[None] = []
+
+    def fitted(*_: object) -> None:
+        raise ReferenceMissing("no fit", want="one")
+
+    monkeypatch.setattr(view_pipeline, "fitted", fitted)
+    monkeypatch.setattr(view_pipeline, "give_back_freed_memory", lambda: given_back.append(None))
+    job = ViewJob()
+    shop = rig_shop(job, job.reel_of(STREET))
+    with pytest.raises(ReferenceMissing):
+        shop.refined(lambda _count: None)
+    assert given_back
 
 
 def test_a_rig_is_fitted_to_some_frames_of_all_of_them():
