@@ -29,7 +29,7 @@ from pseudolidar.running.journal.record import FrameRecord
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.networks import networks_of
-from pseudolidar.running.products.corridor_table import view_of, write_corridor
+from pseudolidar.running.products.corridor_table import encode_corridor, view_of, watched_in
 from pseudolidar.running.products.found import FOUND_FOLDER
 from pseudolidar.running.products.found_clouds import (
     KITTI,
@@ -68,7 +68,7 @@ from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.address import LOOPBACK, PORT
-from pseudolidar.viewer.objects.glimpse import Glimpses, moment_of
+from pseudolidar.viewer.objects.found_in_order import FindsInOrder, moment_of
 from pseudolidar.viewer.run_page import run_page
 
 _log = logging.getLogger(__name__)
@@ -240,7 +240,7 @@ def run(job: Obstacles) -> ObstaclesReport:
     products = (*recording.names, *job.products)
     check_apart(job.out, paths_read(job.source), (*job.folders, *products), overwrite=job.overwrite)
     told: dict[str, ToldFrame] = {}
-    corridor, glimpses = None, Glimpses(job.corridor)
+    corridor = None
     with (
         run_page(job, source, moment_of, finds=True) as onlooker,
         Run.open(job.out, job, source, products=products, networks=networks_of(per_frame)) as run,
@@ -254,6 +254,8 @@ def run(job: Obstacles) -> ObstaclesReport:
         )
         telling = Telling(job.out, source.ids, run.committed & settled, job.track)
         told = telling.told  # so far, should the run be stopped
+        earlier = (record for record in run.records() if record.id in settled)
+        in_order = FindsInOrder(job.corridor, source.ids, watched_in(source, earlier))
         if stopped_at(job, run.records()):  # before: it stays where it stopped
             settled = frozenset(source.ids)
             run.halt(TOO_NEAR)
@@ -266,7 +268,7 @@ def run(job: Obstacles) -> ObstaclesReport:
             log.append(frame.id, parts)
             run.commit(Done(frame.id, frame.index, product, frame.cpu_s))
             if onlooker is not None and found is not None:
-                onlooker.show(frame.index, glimpses(found, told_frame.obstacles))
+                onlooker.show(frame.index, in_order(found, told_frame.obstacles))
             if is_too_near(job, product.figures):
                 run.halt(TOO_NEAR)
                 break
@@ -276,7 +278,8 @@ def run(job: Obstacles) -> ObstaclesReport:
             seen = {name: frame.obstacles for name, frame in told.items()}
             write_obstacle_film(run, source, seen)
         if job.corridor is not None:
-            corridor = write_corridor(job.out / CORRIDOR, run.records(), source)
+            corridor = watched_in(source, run.records())
+            write_atomic(job.out / CORRIDOR, encode_corridor(corridor))
     result = run.result()
     page = write_obstacles_page(
         job.out,

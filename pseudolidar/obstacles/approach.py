@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -31,6 +32,23 @@ class Approach:
     sigma_m_s: float
     contact_s: float | None
     sigma_contact_s: float | None
+
+
+class Nearing:
+    """How fast the nearest thing of a corridor comes nearer, while frames come in their order."""
+
+    def __init__(self) -> None:
+        self._last = deque[tuple[float, Ahead | None]](maxlen=FRAMES)
+
+    def __call__(self, time_s: float, ahead: Ahead | None) -> Approach | None:
+        """Its approach at the next frame; None where it is a new one.
+
+        Args:
+            time_s: of the frame.
+            ahead: the nearest thing in it; None where nothing is seen.
+        """
+        self._last.append((time_s, ahead))
+        return approach(*zip(*self._last, strict=True))
 
 
 def approach(times_s: Sequence[float], seen: Sequence[Ahead | None]) -> Approach | None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pseudolidar.errors import UsageError
-from pseudolidar.obstacles.approach import approach
+from pseudolidar.obstacles.approach import FRAMES, Nearing, approach
 from pseudolidar.obstacles.corridor import (
     STOP_CHANCE,
     Ahead,
@@ -96,6 +96,18 @@ def test_an_approach_needs_the_same_thing_in_three_frames() -> None:
     assert approach(times, [far, near, near, near]).closing_m_s == pytest.approx(0.0)
     assert approach([0.0, 0.0, 0.0], [near] * 3) is None
     assert approach([], []) is None
+
+
+def test_while_frames_come_an_approach_is_that_of_the_last_ones() -> None:
+    rng = np.random.default_rng(3)
+    times = [0.1 * i for i in range(FRAMES + 4)]
+    seen = [Ahead(20 - 8 * t + 0.1 * rng.standard_normal(), 0.1, 50, 0, 0) for t in times]
+    seen[1] = None
+    nearing = Nearing()
+    told = [nearing(time_s, ahead) for time_s, ahead in zip(times, seen, strict=True)]
+    assert told == [approach(times[: i + 1], seen[: i + 1]) for i in range(len(times))]
+    assert told[3:5] == [None, approach(times[2:5], seen[2:5])]
+    assert told[-1] == approach(times[-FRAMES:], seen[-FRAMES:])
 
 
 def test_near_things_are_masked_but_not_the_ground() -> None:

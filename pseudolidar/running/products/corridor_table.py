@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
-from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, Literal
 
-from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.formats.timestamps import NS_PER_S
-from pseudolidar.obstacles.approach import FRAMES, Approach, approach
+from pseudolidar.obstacles.approach import Approach, Nearing
 from pseudolidar.obstacles.corridor import Ahead
 from pseudolidar.obstacles.corridor_view import CorridorView, State
 from pseudolidar.running.journal.record import FrameRecord
@@ -79,13 +76,11 @@ def watched(frames: Sequence[tuple[str, float | None, Mapping[str, Any]]]) -> tu
     Args:
         frames: id, time in s, and figures: none of a frame that was skipped.
     """
-    done = list[Watched]()
-    last = deque[tuple[float, Ahead | None]](maxlen=FRAMES)
+    done, nearing = list[Watched](), Nearing()
     for name, time_s, figures in frames:
         one = Watched(name, time_s, view_of(figures))
         if time_s is not None and one.view is not None:
-            last.append((time_s, one.ahead))
-            one = replace(one, approach=approach(*zip(*last, strict=True)))
+            one = replace(one, approach=nearing(time_s, one.ahead))
         done.append(one)
     return tuple(done)
 
@@ -110,17 +105,13 @@ def encode_corridor(frames: Sequence[Watched]) -> bytes:
     return text.getvalue().encode()
 
 
-def write_corridor(
-    path: Path, records: Iterable[FrameRecord], source: FrameSequence[Frame]
-) -> tuple[Watched, ...]:
-    """The corridor of all frames that are done with, in the order of the source, as a table."""
+def watched_in(source: FrameSequence[Frame], records: Iterable[FrameRecord]) -> tuple[Watched, ...]:
+    """The corridor of frames of a source that are done with, in its order."""
     time_s = {
         name: time_ns / NS_PER_S
         for name, time_ns in zip(source.ids, source.timestamps_ns, strict=True)
     }
-    frames = watched([(r.id, time_s.get(r.id), r.figures) for r in records])
-    write_atomic(path, encode_corridor(frames))
-    return frames
+    return watched([(r.id, time_s.get(r.id), r.figures) for r in records])
 
 
 def _cells(values: Ahead | Approach | None, count: int) -> list[str]:

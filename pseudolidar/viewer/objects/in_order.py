@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.formats.timestamps import NS_PER_S
-from pseudolidar.obstacles.approach import FRAMES, Approach, approach
+from pseudolidar.obstacles.approach import Approach, Nearing
 from pseudolidar.obstacles.coasting import LastSeen
-from pseudolidar.obstacles.corridor import Ahead
 from pseudolidar.obstacles.tracker import Following, Tracker
 from pseudolidar.structures.camera import Camera
 from pseudolidar.structures.obstacle import Obstacle
@@ -73,7 +71,7 @@ class InOrder:
         self._round += 1
         self._follow: Following | None = None if self._tracker is None else self._tracker.load()
         self._seen = LastSeen()
-        self._ahead = deque[tuple[float, Ahead | None]](maxlen=FRAMES)
+        self._nearing = Nearing()
 
     @staticmethod
     def _follows(before_ns: int, now_ns: int) -> bool:
@@ -91,7 +89,6 @@ class InOrder:
 
     def _approach(self, objects: Objects, time_ns: int) -> Approach | None:
         if objects.corridor is None:
-            self._ahead.clear()
+            self._nearing = Nearing()
             return None
-        self._ahead.append((time_ns / NS_PER_S, objects.corridor.view.ahead))
-        return approach(*zip(*self._ahead, strict=True))
+        return self._nearing(time_ns / NS_PER_S, objects.corridor.view.ahead)

@@ -14,6 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -21,9 +22,11 @@ from playwright.sync_api import Page
 
 from pseudolidar.formats.obstacle_json import read_obstacles
 from pseudolidar.pipelines import obstacles as pipeline
+from pseudolidar.running.products.corridor_table import APPROACH
+from pseudolidar.running.products.found import found_name
 from pseudolidar.running.products.found_clouds import FoundOutputs
 from pseudolidar.viewer.moment import Moment
-from pseudolidar.viewer.objects.glimpse import Glimpse
+from pseudolidar.viewer.objects.found_in_order import FoundInOrder
 from pseudolidar.viewer.objects.teller import Wish
 from pseudolidar.viewer.objects.watch import ObjectWatch
 from tests.pipelines.conftest import write_drive
@@ -44,37 +47,65 @@ class Everything:
     """Who looks on at every frame, as no page does."""
 
     def __init__(self) -> None:
-        self.seen: list[Glimpse] = []
+        self.seen: list[FoundInOrder] = []
 
-    def show(self, _number: int, what: Glimpse) -> None:
+    def show(self, _number: int, what: FoundInOrder) -> None:
         self.seen.append(what)
 
 
-def test_what_is_shown_is_what_the_tables_tell(
-    drive: Path, boxes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    looking = Everything()
+@pytest.fixture(scope="module")
+def looking() -> Iterator[Everything]:
+    """Looks on at every run that has a page."""
+    everything = Everything()
 
     @contextlib.contextmanager
     def all_seen(task, _source, _moment, *, finds) -> Iterator[Everything | None]:
         assert finds
-        yield looking if task.view else None
+        yield everything if task.view else None
 
-    monkeypatch.setattr(pipeline, "run_page", all_seen)
-    plain, seen = (
-        job(drive, tmp_path / name, boxes, view=view, video=False, to=FoundOutputs.parse("pcd"))
-        for name, view in (("plain", False), ("seen", True))
-    )
-    assert [pipeline.run(task).exit_code for task in (plain, seen)] == [0, 0]
-    assert tree(plain.out) == tree(seen.out)
-    told = read_obstacles(seen.out / "obstacles.jsonl")
-    rows = list(csv.DictReader((seen.out / "corridor.csv").open()))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(pipeline, "run_page", all_seen)
+        yield everything
+
+
+@pytest.fixture(scope="module")
+def seen(
+    drive: Path, boxes: Path, looking: Everything, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[pipeline.Obstacles, list[FoundInOrder]]:
+    """A run, and what was seen of it."""
+    out = tmp_path_factory.mktemp("seen") / "out"
+    task = job(drive, out, boxes, view=True, video=False, to=FoundOutputs.parse("pcd"))
+    assert pipeline.run(task).exit_code == 0
+    assert len(looking.seen) == FRAMES
+    return task, list(looking.seen)
+
+
+def rows_of(out: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader((out / "corridor.csv").open()))
+
+
+def same_approach(frame: FoundInOrder, row: dict[str, str]) -> bool:
+    """As a row of the table tells it, in its six digits."""
+    told = [None] * len(APPROACH) if frame.approach is None else vars(frame.approach).values()
+    return ["" if one is None else f"{one:.6g}" for one in told] == [row[key] for key in APPROACH]
+
+
+def test_what_is_shown_is_what_the_tables_tell(
+    seen: tuple[pipeline.Obstacles, list[FoundInOrder]], tmp_path: Path
+):
+    task, frames = seen
+    plain = replace(task, out=tmp_path / "plain", view=False)
+    assert pipeline.run(plain).exit_code == 0
+    assert tree(plain.out) == tree(task.out)
+    told = read_obstacles(task.out / "obstacles.jsonl")
+    rows = rows_of(task.out)
     watch = ObjectWatch(None, {}, lambda _index: None)
     watch.ask(Wish(of_run=True))
     assert not watch.scene(Moment("", 0)).text  # before the first frame there is nothing to say
-    assert len(looking.seen) == FRAMES
-    for glimpse, row in zip(looking.seen, rows, strict=True):
-        moment = pipeline.moment_of(glimpse)
+    assert len({row["closing_m_s"] for row in rows}) > FRAMES - 3  # the first two tell none
+    for frame, row in zip(frames, rows, strict=True):
+        assert same_approach(frame, row)
+        moment = pipeline.moment_of(frame)
         scene = watch.scene(moment)
         assert [one.obstacle.distance_m for one in scene.objects] == pytest.approx(
             [one.distance_m for one in told[moment.id]]
@@ -95,6 +126,22 @@ def test_what_is_shown_is_what_the_tables_tell(
     assert not watch.scene(moment).objects
     assert watch.scene(moment).corridor is None
     watch.close()
+
+
+def test_frames_that_are_done_again_are_shown_as_in_the_tables_of_all(
+    seen: tuple[pipeline.Obstacles, list[FoundInOrder]], looking: Everything
+):
+    task, _ = seen
+    rows, again = rows_of(task.out), (3, FRAMES - 1)
+    for index in again:
+        (task.out / found_name(f"{index:06d}")).unlink()
+    looking.seen.clear()
+    assert pipeline.run(task).exit_code == 0
+    assert rows_of(task.out) == rows
+    assert [frame.found.frame.index for frame in looking.seen] == list(again)
+    for frame in looking.seen:
+        assert frame.approach is not None
+        assert same_approach(frame, rows[frame.found.frame.index])
 
 
 def test_somebody_at_a_terminal_looks_at_a_run_to_its_end(
