@@ -89,7 +89,7 @@ def decode_obj(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> Mesh:
                 rows.append([float(word) for word in line.split()[1:]])
             else:
                 faces.append(_face(line, len(rows)))
-        except ValueError as error:
+        except (ValueError, OverflowError) as error:  # no number, or one of no vertex
             raise PointFileCorrupt(
                 repr(line[:60])[1:], want="numbers", where=f"line {number}"
             ) from error

@@ -61,7 +61,7 @@ def decode_ply_mesh(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> Mesh:
     """The mesh in the bytes of a PLY; errors as in `read_ply_mesh`."""
     cloud = decode_ply(data, limits=limits)  # checks every element, faces too
     header = ply_header(data)
-    if not any(e.name == "face" and e.count for e in header.elements):
+    if not any(e.name == "face" and e.count and e.properties for e in header.elements):
         raise PointFileCorrupt("no face", want="a mesh", fix="Read it as a cloud: it is points.")
     check_places(cloud.xyz)
     lists = _ascii_lists(data, header) if header.encoding == "ascii" else _lists(data, header)

@@ -114,6 +114,20 @@ def test_a_cloud_is_no_mesh(hill):
         decode_ply_mesh(data)
 
 
+@pytest.mark.parametrize("encoding", ["binary_little_endian", "ascii"])
+def test_faces_of_nothing_are_no_faces(encoding):
+    vertices = "element vertex 1\n" + "".join(f"property float {axis}\n" for axis in "xyz")
+    head = f"ply\nformat {encoding} 1.0\n{vertices}element face 1\nend_header\n".encode()
+    body = b"0 0 0\n" if encoding == "ascii" else bytes(12)
+    with pytest.raises(PointFileCorrupt, match="no face"):
+        decode_ply_mesh(head + body)
+
+
+def test_a_face_of_a_vertex_beyond_all_numbers_is_named():
+    with pytest.raises(PointFileCorrupt, match="line 2"):
+        decode_obj(b"v 0 0 0\nf 99999999999999999999 2 3\n")
+
+
 def test_an_empty_mesh_is_legal_glb(hill):
     data = encode_glb(hill.only(np.zeros(len(hill), bool)))
     size = struct.unpack_from("<I", data, 12)[0]
