@@ -46,6 +46,28 @@ def test_things_before_a_wall_do_not_tilt_it(share: float):
     assert np.degrees(np.arccos(abs(axes[2, 2]))) > 5
 
 
+@pytest.mark.parametrize(("share", "sigmas"), [(0.2, 5), (0.3, 6), (0.4, 7), (0.45, 10)])
+def test_kerbs_do_not_tilt_the_road(share: float, sigmas: float):
+    """A step of some sigma at one side, which lies within the spread that all points have."""
+    rng = np.random.default_rng(0)
+    road = rng.uniform((-1, -1, 0), (1, 1, 0), (3000, 3))
+    road[:, 2] = rng.normal(0, NOISE, 3000)
+    kerb = road[:, 0] > 1 - 2 * share
+    road[kerb, 2] += sigmas * NOISE
+    plane = fit_plane(road)
+    assert plane is not None
+    # So far the noise of the rest alone tilts it: three times 0.02 m / (0.3 m * sqrt(1650)).
+    assert np.degrees(np.arccos(abs(plane.normal[2]))) < 0.3
+    assert plane.on[kerb].mean() < 0.04
+    assert np.sqrt(np.mean(plane.distances[plane.on] ** 2)) == pytest.approx(NOISE, rel=0.04)
+
+
+@pytest.mark.parametrize("count", [10, 20, 50])
+def test_few_points_of_a_clean_plane_are_on_it(count: int):
+    planes = [fit_plane(wall(count, seed=seed)) for seed in range(20)]
+    assert np.mean([plane.on.mean() for plane in planes if plane is not None]) > 0.96
+
+
 def test_exact_planes_have_all_their_points():
     for noise, kind in ((0.0, np.float64), (0.0, np.float32)):
         points = (wall(500, noise) @ TURN.T + (20, 3, -1)).astype(kind)
@@ -56,6 +78,12 @@ def test_exact_planes_have_all_their_points():
     plane = fit_plane(np.array([(0, 0, 1), (3, 0, 1), (0, 4, 1.0)]))
     assert plane is not None
     assert np.abs(plane.normal) == pytest.approx((0, 0, 1))
+
+
+def test_axes_of_a_plane_are_those_of_the_points_on_it():
+    plane = fit_plane(wall() @ TURN.T + FAR)
+    assert plane is not None
+    assert np.abs(np.diag(plane.axes.T @ TURN)).min() > 0.99
 
 
 def test_what_tells_no_plane_is_none():
