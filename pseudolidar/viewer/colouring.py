@@ -88,8 +88,10 @@ class Colouring:
 
     def settled(self, cloud: PointCloud) -> Colouring:
         """The same with ends that suit a cloud, so that later ones have the same colours."""
+        if self.low is not None and self.high is not None:  # seen before values are, which cost
+            return self
         values = _values(cloud, self.by)
-        if values is None or (self.low is not None and self.high is not None):
+        if values is None:
             return self
         known = values[np.isfinite(values)]
         low, high = _ends(known, self.by)

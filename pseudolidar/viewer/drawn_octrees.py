@@ -89,6 +89,11 @@ class DrawnOctrees:
         """Of all large clouds."""
         return sum(map(len, self._trees.values()))
 
+    @property
+    def visible(self) -> tuple[str, ...]:
+        """Names of those that are drawn."""
+        return tuple(name for name in self._trees if self._stage.look(name).visible)
+
     def wake(self) -> None:
         """Look again what is to be drawn: something has changed."""
         self._awake.set()
@@ -126,16 +131,15 @@ class DrawnOctrees:
             sides_of: pose of a cloud relative to the origin of the scene to planes in its frame,
                 as `Eye.sides` has them.
         """
-        T_local_map = np.eye(4)
-        T_local_map[:3, 3] = -self._stage.placement.origin_m
+        T_local_map = self._stage.placement.T_local_map
         found = {}
-        for name, tree in self._trees.items():
-            if self._stage.look(name).visible:
-                numbers = np.flatnonzero(within(tree, sides_of(T_local_map)))
-                counts = np.cumsum(tree.nodes["count"][numbers])
-                some = numbers[counts <= MOST_WITHIN]  # the coarsest come first
-                left_out = int(counts[-1:].sum() - counts[: len(some)][-1:].sum())
-                found[name] = tree.cloud(some.tolist()), T_local_map, left_out
+        for name in self.visible:
+            tree = self._trees[name]
+            numbers = np.flatnonzero(within(tree, sides_of(T_local_map)))
+            counts = np.cumsum(tree.nodes["count"][numbers])
+            some = numbers[counts <= MOST_WITHIN]  # the coarsest come first
+            left_out = int(counts[-1:].sum() - counts[: len(some)][-1:].sum())
+            found[name] = tree.cloud(some.tolist()), T_local_map, left_out
         return found
 
     def drawn_points(self, client_id: int) -> int:
@@ -193,7 +197,7 @@ class DrawnOctrees:
 
     def _wanted(self, client: ClientHandle) -> tuple[list[Node], dict[Node, float]]:
         """Nodes that a view needs, the most needed first, and the sides of their points, m."""
-        names = [name for name in self._trees if self._stage.look(name).visible]
+        names = self.visible
         eye = self._eye(client)
         if eye is None or not names:
             return [], {}

@@ -15,6 +15,7 @@ from pseudolidar.viewer.stage import MAP
 COLOUR, LINE_PX = (255, 120, 220), 2.5
 # Handles are as large as this share of the diagonal of the box, and are no smaller than this, m.
 HANDLES_SHARE, LEAST_HANDLES_M = 0.4, 0.3
+HANDLES_OPACITY = 0.8
 # Boxes are moved no farther from the origin of the scene, m.
 FARTHEST_M = 1e5
 
@@ -64,7 +65,7 @@ class DrawnRegion:
         )  # fmt: skip
         self._handles = self._scene.add_transform_controls(
             f"{MAP}/handles", translation_limits=(reach, reach, reach), depth_test=False,
-            opacity=0.8,
+            opacity=HANDLES_OPACITY,
         )  # fmt: skip
         self._handles.on_update(lambda _: self._drag())
 

@@ -81,15 +81,16 @@ class Placement:
         return self._T_scene_local
 
     @property
-    def T_scene_map(self) -> Float64:
-        """(4, 4) maps places of the map, as they are in files, into the scene."""
-        T = self._T_scene_local.copy()
-        T[:3, 3] -= T[:3, :3] @ self.origin_m
+    def T_local_map(self) -> Float64:
+        """(4, 4) takes the origin from places of the map as they are in files."""
+        T = np.eye(4)
+        T[:3, 3] = -self.origin_m
         return T
 
-    def to_local(self, place_m: Float64) -> Float64:
-        """(3,) where a place (3,) of the scene is in the map, relative to the origin."""
-        return moved(inverted(self._T_scene_local), place_m)
+    @property
+    def T_scene_map(self) -> Float64:
+        """(4, 4) maps places of the map, as they are in files, into the scene."""
+        return np.asarray(self._T_scene_local @ self.T_local_map)
 
     @property
     def T_scene_rig(self) -> Float64:

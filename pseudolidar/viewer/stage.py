@@ -185,11 +185,21 @@ class Stage:
 
     def pickable(self) -> Mapping[str, tuple[PointCloud, Float64]]:
         """Clouds that are drawn, by name, each with the (4, 4) pose of its frame in the scene."""
-        found = {name: (cloud, self.placement.T_scene_rig) for name, cloud in self.shown.items()}
-        found |= {name: (cloud, self.placement.T_scene_map) for name, cloud in self._stills.items()}
+        found = self.drawn_of(self.shown, self.placement.T_scene_rig)
+        return found | self.drawn_of(self._stills, self.placement.T_scene_map)
+
+    def drawn_of(
+        self, clouds: Mapping[str, PointCloud], T: Float64
+    ) -> dict[str, tuple[PointCloud, Float64]]:
+        """Those of some clouds that are drawn, each with the pose of its frame, aside as it is.
+
+        Args:
+            clouds: by name.
+            T: (4, 4) the pose of their frame, in anything.
+        """
         return {
             name: (cloud, _aside(T, self._shifts.get(name, NOWHERE)))
-            for name, (cloud, T) in found.items()
+            for name, cloud in clouds.items()
             if self._is_visible(name)
         }
 

@@ -1,4 +1,4 @@
-"""What does not change from frame to frame: clouds, maps, paths."""
+"""What does not change from frame to frame: clouds, maps, paths, meshes."""
 
 from __future__ import annotations
 

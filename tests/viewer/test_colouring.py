@@ -5,6 +5,7 @@ import pytest
 
 from pseudolidar.evaluation.comparison.error_cloud import signed_colours
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.viewer import colouring
 from pseudolidar.viewer.colouring import PLAIN, Colouring, ways
 from pseudolidar.viewer.thinned import thinned
 
@@ -129,3 +130,10 @@ def test_points_that_tell_are_drawn_first():
 
 def test_a_plain_cloud_has_a_colour_of_its_own():
     assert Colouring("plain", colour=(1, 2, 3)).colours(cloud()).tolist() == [[1, 2, 3]] * 3
+
+
+def test_ends_that_are_known_are_not_looked_for(monkeypatch):
+    """Of a million points that would be done with every frame."""
+    monkeypatch.setattr(colouring, "_values", None)
+    settled = Colouring("height", 0.0, 1.0)
+    assert settled.settled(PointCloud(np.zeros((3, 3)), "map")) is settled

@@ -28,13 +28,13 @@ class Found:
         cloud: in its own frame.
         T_local_cloud: (4, 4) where that is in the map relative to the origin of the scene.
         eye_m: (3,) in its own frame, from where it was taken; None where nobody knows.
-        whole: points that it stands for, of which it has some; 0 where it has all.
+        whole: points that it stands for, of which it has some; None where it has all.
     """
 
     cloud: PointCloud
     T_local_cloud: Float64
     eye_m: Float64 | None = None
-    whole: int = 0
+    whole: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,8 @@ class BoxFigures:
         along_m: (3,) how far they reach along the axes of the box.
         own_m: (3,) and along their own: the longest, the next, the shortest.
         flatness: None where they tell no plane.
-        whole: points of the clouds in nodes about the box, of which `points` are some; 0 for all.
+        whole: points of the clouds in nodes about the box, of which `points` are some; None where
+            they are all.
     """
 
     points: PointCloud
@@ -88,7 +89,7 @@ class BoxFigures:
     along_m: Float64
     own_m: Float64
     flatness: Flatness | None
-    whole: int = 0
+    whole: int | None = None
 
     @classmethod
     def of(cls, region: Region, found: Found) -> Self | None:
@@ -144,14 +145,14 @@ def _expected_m(
 ) -> float | None:
     """Sigma of a point is along its ray: across the plane it is as much less as the ray slants."""
     on: Bool = plane.on
-    if points.sigma_m is None or not np.isfinite(points.sigma_m[on]).any():
+    if points.sigma_m is None or not (known := np.isfinite(points.sigma_m[on])).any():
         return None
     across = points.sigma_m[on].astype(np.float64)
     if eye is not None:
         rays = places[on] - eye
         lengths = np.linalg.norm(rays, axis=1)
         across = across * np.abs(rays @ plane.normal) / np.where(lengths > 0, lengths, 1)
-    return float(np.sqrt(np.nanmean(across**2)))
+    return float(np.sqrt(np.mean(across[known] ** 2)))
 
 
 def _per_m2(places: Float64, plane: FittedPlane) -> float | None:
@@ -159,9 +160,9 @@ def _per_m2(places: Float64, plane: FittedPlane) -> float | None:
     from scipy.spatial import ConvexHull, QhullError
 
     on = places[plane.on]
-    middle, axes, _ = principal(on)
     try:
-        area_m2 = float(ConvexHull((on - middle) @ axes[:, :2]).volume)  # of a flat hull its area
+        flat = ConvexHull((on - plane.middle) @ plane.axes[:, :2])
+        area_m2 = float(flat.volume)  # of a flat hull its area
     except QhullError:
         return None
     return len(on) / area_m2 if area_m2 > 0 else None

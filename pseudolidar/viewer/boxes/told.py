@@ -32,7 +32,7 @@ def _row(title: str, cells: list[str], kind: str = "td") -> str:
 
 
 def _points(one: BoxFigures) -> str:
-    some = f" of some {one.whole:,} near it, the coarsest" if one.whole else ""
+    some = f" of some {one.whole:,} near it, the coarsest" if one.whole is not None else ""
     return f"{len(one.points):,}{some}"
 
 
@@ -69,12 +69,12 @@ def _density(flat: Flatness) -> str:
 
 CELLS: Mapping[str, Callable[[BoxFigures], str]] = {
     "points": _points,
-    "middle, m": lambda one: _place(one.middle_m),
+    "middle in its frame, m": lambda one: _place(one.middle_m),
     "along the box, m": lambda one: _lengths(one.along_m),
     "along own axes, m": lambda one: _lengths(one.own_m),
     "plane": _of_plane(_plane),
-    "normal": _of_plane(lambda flat: ", ".join(f"{each:.3f}" for each in flat.normal)),
-    "its middle, m": _of_plane(lambda flat: _place(flat.own_middle_m)),
+    "normal in the map": _of_plane(lambda flat: ", ".join(f"{each:.3f}" for each in flat.normal)),
+    "its middle in its frame, m": _of_plane(lambda flat: _place(flat.own_middle_m)),
     "on the plane": _of_plane(lambda flat: f"{100 * flat.share:.1f} %"),
     "from it, RMS": _of_plane(lambda flat: f"{1000 * flat.rms_m:.1f} mm"),
     "95 % within": _of_plane(lambda flat: f"{1000 * flat.most_m:.1f} mm"),

@@ -28,6 +28,8 @@ HINT = (
 FIRST_M = (2.0, 2.0, 2.0)
 # Angles that the page shows are rounded to this, degrees.
 TURN_STEP = 0.1
+# Sizes that differ by less are the same to the page, which rounds them, m.
+SAME_SIZE_M = 1e-3
 
 
 class BoxPanel:
@@ -101,7 +103,7 @@ class BoxPanel:
         self._drawn.show(region, handles=self._handles.value)
 
     def _picked(self, place_m: Float64) -> None:
-        self._clicked.append(self._view.stage.placement.to_local(place_m))
+        self._clicked.append(place_m)
         for button, needed in zip(self._buttons, (1, 2), strict=True):
             button.disabled = len(self._clicked) < needed
 
@@ -122,7 +124,7 @@ class BoxPanel:
 
     def _sized(self) -> None:
         region, size_m = self._region, np.array(self._size.value)
-        if region is not None and np.abs(region.size_m - size_m).max() > 1e-3:
+        if region is not None and np.abs(region.size_m - size_m).max() > SAME_SIZE_M:
             self.put(region.sized(size_m))
 
     def _turned(self) -> None:
@@ -136,23 +138,22 @@ class BoxPanel:
 
     def _to_plane(self) -> None:
         """Turned along the plane of the cloud that has most points on one."""
-        flat = [one for one in self.figures.values() if one.flatness is not None]
+        every = [(one.flatness, len(one.points)) for one in self.figures.values()]
+        flat = [(plane.share * count, plane) for plane, count in every if plane is not None]
         if self._region is None or not flat:
             return
-        plane = max(flat, key=lambda one: len(one.points)).flatness
-        if plane is not None:
-            region = self._region.along(plane.normal)
-            T = region.T_local_box.copy()
-            T[:3, 3] = plane.middle_m
-            self.put(replace(region, T_local_box=T))
+        _, plane = max(flat, key=lambda one: one[0])
+        region = self._region.along(plane.normal)
+        T = region.T_local_box.copy()
+        T[:3, 3] = plane.middle_m
+        self.put(replace(region, T_local_box=T))
 
     def _ask(self) -> None:
         if self._region is not None or self.figures:
             self._work.ask(self.region)
 
     def _tell(self, region: Region | None, _overtaken: Callable[[], bool]) -> None:
-        figures = {} if region is None else self._gatherer.figures(region)
-        self.figures = figures
+        self.figures = figures = self._gatherer.figures(region)
         self._text.content = "" if region is None else table(figures)
         self._flush.disabled = all(one.flatness is None for one in figures.values())
         for listener in self._listeners:

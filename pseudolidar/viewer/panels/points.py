@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from pseudolidar.geometry.twists import inverted
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.moment import Moment
@@ -53,6 +54,8 @@ class PointsPanel:
     def click(self, origin: Float64, direction: Float64) -> None:
         """Tell the point on a line of sight (3,), (3,) of the scene."""
         stage = self._view.stage
+        # Of the scene as it is now: it may take seconds to find the point, while frames go on.
+        T_local_scene = inverted(stage.placement.T_scene_local)
         clouds = dict(stage.pickable())
         for drawn in self._others:
             clouds |= drawn.pickable(origin, direction)
@@ -72,8 +75,11 @@ class PointsPanel:
         self._last = found, place
         self._text.content = "\n\n".join(lines)
         for listener in self._listeners:
-            listener(place)
+            listener(moved(T_local_scene, place))
 
     def on_picked(self, listener: Callable[[Float64], None]) -> None:
-        """Call this with the place (3,) in the scene of every point that is clicked on."""
+        """Call this with the place of every point that is clicked on.
+
+        It is (3,) m in the map, relative to the origin of the scene.
+        """
         self._listeners.append(listener)

@@ -64,6 +64,20 @@ def test_sigma_across_a_plane_is_what_its_rays_leave_of_it():
     assert behind.normal[0] > 0.99
 
 
+def test_points_without_a_sigma_say_nothing_of_it():
+    cloud = wall()
+    assert cloud.sigma_m is not None
+    some = cloud.sigma_m.copy()
+    some[:3] = np.inf, np.nan, -np.inf
+    region = Region.about(HERE, np.full(3, 3.0))
+    flat = figures(region, replace(cloud, sigma_m=some)).flatness
+    assert flat is not None
+    assert flat.expected_m == pytest.approx(SIGMA)
+    flat = figures(region, replace(cloud, sigma_m=np.full_like(some, np.inf))).flatness
+    assert flat is not None
+    assert flat.expected_m is None
+
+
 def test_a_slanted_ground_looks_up():
     xyz = np.stack(np.meshgrid(np.linspace(0, 2, 30), np.linspace(0, 2, 30), [0.0]), -1)
     xyz = xyz.reshape(-1, 3)
