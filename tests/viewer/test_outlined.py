@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import msgspec
@@ -21,9 +21,14 @@ from pseudolidar.viewer.filming.film import Film
 from pseudolidar.viewer.filming.outlined import FilmedObjects, Outlines, projected
 from pseudolidar.viewer.filming.shot import Shot
 from pseudolidar.viewer.moment import Moment
-from pseudolidar.viewer.objects.drawn import THING_COLOUR, Parts
-from pseudolidar.viewer.objects.scene import ObjectScene, ShownCorridor
-from pseudolidar.viewer.objects.shown import ShownObject, ShownTruth
+from pseudolidar.viewer.objects.scene import (
+    FREE_COLOUR,
+    THING_COLOUR,
+    ObjectScene,
+    Parts,
+    ShownCorridor,
+)
+from pseudolidar.viewer.objects.shown import TRUTH_COLOUR, ShownObject, ShownTruth
 from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.reel import SourceReel
 from tests.formats.made_obstacles import car, light
@@ -85,6 +90,26 @@ def test_parts_that_are_not_wanted_are_not_drawn():
     assert Outlines.of(labelled, Parts(), np.eye(4)).words[0].lines == ("Car",)
     assert not Outlines.of(labelled, Parts(truth=False), np.eye(4)).lines
     assert (drawn(ObjectScene()) == NOTHING).all()
+
+
+def test_words_are_of_labels_only_where_nothing_was_found():
+    scene = ObjectScene((CAR, LIGHT), (ShownTruth(CAR.corners_m, "Car"),))
+    assert [(one.text, one.colour) for one in scene.words(Parts())] == [
+        (CAR.label, CAR.colour),
+        (LIGHT.label, LIGHT.colour),
+    ]
+    assert not scene.words(Parts(boxes=False))  # found, but not drawn
+    (label,) = replace(scene, objects=()).words(Parts(boxes=False))
+    assert (label.text, label.colour) == ("Car", TRUTH_COLOUR)
+    assert not replace(scene, objects=()).words(Parts(truth=False))
+
+
+def test_a_corridor_tells_by_its_colour_whether_it_is_free():
+    free = replace(CORRIDOR, nearest_m=None)
+    assert (free.colour, CORRIDOR.colour) == (FREE_COLOUR, THING_COLOUR)
+    assert len(free.lines()) == 12
+    cross = CORRIDOR.lines()[12:]
+    assert cross.mean(axis=1) == pytest.approx(np.broadcast_to(CORRIDOR.nearest_m, (3, 3)))
 
 
 def test_words_stand_in_the_picture_and_those_of_what_is_not_seen_nowhere():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,16 +15,9 @@ from pseudolidar.geometry.lines_in_view import in_front
 from pseudolidar.structures.arrays import Float32, Float64, UInt8
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.moment import Moment
-from pseudolidar.viewer.objects.drawn import (
-    FREE_COLOUR,
-    THING_COLOUR,
-    TRUTH_COLOUR,
-    Parts,
-    cross,
-)
 from pseudolidar.viewer.objects.lines import dashed, edges_of
-from pseudolidar.viewer.objects.scene import ObjectScene
-from pseudolidar.viewer.objects.shown import Colour
+from pseudolidar.viewer.objects.scene import ObjectScene, Parts
+from pseudolidar.viewer.objects.shown import TRUTH_COLOUR, Colour
 
 # Widths of lines of what is sure, and of what is not, px.
 SURE_PX, UNSURE_PX = 2, 1
@@ -99,10 +92,13 @@ class Outlines:
             parts: what of it is drawn.
             T_film_forward: (4, 4) where that frame is in the film.
         """
-        T = T_film_forward
-        local = (*_corridor(scene), *_truths(scene, parts), *_boxes(scene, parts))
+        T, drawn = T_film_forward, scene.only(parts)
+        local = (*_corridor(drawn), *_truths(drawn), *_boxes(drawn))
         lines = (replace(one, ends_m=_moved(one.ends_m, T)) for one in local)
-        words = (replace(one, corners_m=_moved(one.corners_m, T)) for one in _words(scene, parts))
+        words = (
+            Words(tuple(plain(one.text).split("\n")), _moved(one.corners_m, T), one.colour)
+            for one in scene.words(parts)[: parts.labels]
+        )
         caption = "" if scene.corridor is None else scene.corridor.text
         return cls(tuple(lines), tuple(words), plain(caption))
 
@@ -130,9 +126,8 @@ NO_OUTLINES = Outlines()
 
 def points_of(scene: ObjectScene, parts: Parts) -> PointCloud | None:
     """Points of the objects in their colours, in the frame of the clouds; None where not drawn."""
-    if not parts.points or not len(scene.xyz):
-        return None
-    return PointCloud(scene.xyz, "film", rgb=scene.colours)
+    drawn = scene.only(parts)
+    return PointCloud(drawn.xyz, "film", rgb=drawn.colours) if len(drawn.xyz) else None
 
 
 def projected(ends_m: Float32 | Float64, eye: Eye) -> list[tuple[Float64, Float64]]:
@@ -156,8 +151,8 @@ def _moved(places: Float32 | Float64, T: Float64) -> Float64:
     return np.asarray(places @ T[:3, :3].T + T[:3, 3], np.float64)
 
 
-def _boxes(scene: ObjectScene, parts: Parts) -> Iterator[Lines]:
-    for one in reversed(scene.objects if parts.boxes else ()):
+def _boxes(scene: ObjectScene) -> Iterator[Lines]:
+    for one in reversed(scene.objects):
         edges = edges_of([one.corners_m])
         yield Lines(
             edges if one.sure else dashed(edges), one.colour, SURE_PX if one.sure else UNSURE_PX
@@ -166,33 +161,15 @@ def _boxes(scene: ObjectScene, parts: Parts) -> Iterator[Lines]:
             yield Lines(_arrow(one.arrow_m), one.colour)
 
 
-def _truths(scene: ObjectScene, parts: Parts) -> Iterator[Lines]:
-    if parts.truth and scene.truths:
+def _truths(scene: ObjectScene) -> Iterator[Lines]:
+    if scene.truths:
         edges = edges_of([one.corners_m for one in scene.truths])
         yield Lines(edges, TRUTH_COLOUR, UNSURE_PX)
 
 
 def _corridor(scene: ObjectScene) -> Iterator[Lines]:
-    corridor = scene.corridor
-    if corridor is None:
-        return
-    colour = FREE_COLOUR if corridor.nearest_m is None else THING_COLOUR
-    yield Lines(edges_of([corridor.corners_m]), colour)
-    if corridor.nearest_m is not None:
-        yield Lines(cross(corridor.nearest_m), colour)
-
-
-def _words(scene: ObjectScene, parts: Parts) -> Sequence[Words]:
-    """Beside the nearest objects; of labels where nothing was found."""
-    said: list[tuple[str, Float64, Colour]] = []
-    if parts.boxes:
-        said = [(one.label, one.corners_m, one.colour) for one in scene.objects]
-    if not scene.objects and parts.truth:
-        said = [(one.label, one.corners_m, TRUTH_COLOUR) for one in scene.truths]
-    return [
-        Words(tuple(plain(label).split("\n")), corners, colour)
-        for label, corners, colour in said[: parts.labels]
-    ]
+    if scene.corridor is not None:
+        yield Lines(scene.corridor.lines(), scene.corridor.colour)
 
 
 def _arrow(ends_m: Float64) -> Float32:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -12,20 +11,15 @@ import numpy as np
 
 from pseudolidar.structures.arrays import Float32, Float64, UInt8
 from pseudolidar.viewer.objects.lines import coloured, dashed, edges_of
-from pseudolidar.viewer.objects.scene import ObjectScene
-from pseudolidar.viewer.objects.shown import Colour
+from pseudolidar.viewer.objects.scene import ObjectScene, Parts, ShownWords
+from pseudolidar.viewer.objects.shown import TRUTH_COLOUR, Colour
 from pseudolidar.viewer.stage import RIG
 
 if TYPE_CHECKING:
     from viser import ViserServer
 
 NODE = f"{RIG}/objects"
-TRUTH_COLOUR, CHOSEN_COLOUR, FREE_COLOUR, THING_COLOUR = (
-    (235, 235, 235),
-    (255, 255, 255),
-    (70, 200, 110),
-    (255, 90, 60),
-)
+CHOSEN_COLOUR = (255, 255, 255)
 # Widths of lines, px.
 SURE_PX, UNSURE_PX, CHOSEN_PX = 2.5, 1.2, 5.0
 # Points of objects are drawn over those of the cloud, m.
@@ -33,25 +27,6 @@ POINT_M = 0.055
 # Words that would cover those of a nearer thing are left out, as seen from where one looks at
 # first: so far apart they are, degrees across and upwards.
 EYE_M, APART_DEG = (-8.0, 0.0, 5.0), (6.5, 3.0)
-# A cross where the nearest thing of a corridor is, m.
-CROSS_M = 0.4
-
-
-@dataclass(frozen=True)
-class Parts:
-    """What of objects is drawn.
-
-    Args:
-        boxes: with their arrows.
-        labels: words at so many of the nearest.
-        points: in the colours of their boxes.
-        truth: what the data set labels.
-    """
-
-    boxes: bool = True
-    labels: int = 10
-    points: bool = False
-    truth: bool = True
 
 
 class DrawnObjects:
@@ -68,11 +43,11 @@ class DrawnObjects:
 
     def show(self, scene: ObjectScene, parts: Parts) -> None:
         """Draw the objects of a frame in place of those before."""
-        shown = scene.objects if parts.boxes else ()
-        sure = [one for one in shown if one.sure]
-        unsure = [one for one in shown if not one.sure]
-        chosen = [one.corners_m for one in shown if one.key == scene.chosen]
-        truths = [one.corners_m for one in scene.truths] if parts.truth else []
+        words, scene = scene.words(parts), scene.only(parts)
+        sure = [one for one in scene.objects if one.sure]
+        unsure = [one for one in scene.objects if not one.sure]
+        chosen = [one.corners_m for one in scene.objects if one.key == scene.chosen]
+        truths = [one.corners_m for one in scene.truths]
         with self._server.atomic():
             self._boxes("sure", [one.corners_m for one in sure], [o.colour for o in sure], SURE_PX)
             self._boxes(
@@ -81,10 +56,10 @@ class DrawnObjects:
             )  # fmt: skip
             self._boxes("chosen", chosen, [CHOSEN_COLOUR] * len(chosen), CHOSEN_PX)
             self._boxes("truth", truths, [TRUTH_COLOUR] * len(truths), UNSURE_PX)
-            self._arrows(scene if parts.boxes else ObjectScene())
+            self._arrows(scene)
             self._corridor(scene)
-            self._points(scene if parts.points else ObjectScene())
-            self._words(scene, parts)
+            self._points(scene)
+            self._words(apart(words)[: parts.labels])
 
     def _boxes(
         self,
@@ -124,12 +99,9 @@ class DrawnObjects:
 
     def _corridor(self, scene: ObjectScene) -> None:
         corridor = scene.corridor
-        lines = edges_of([] if corridor is None else [corridor.corners_m])
-        colour = FREE_COLOUR
-        if corridor is not None and corridor.nearest_m is not None:
-            colour = THING_COLOUR
-            lines = np.concatenate([lines, cross(corridor.nearest_m)])
-        self._lines("corridor", lines, coloured([colour], len(lines)), SURE_PX)
+        lines = edges_of([]) if corridor is None else corridor.lines()
+        colours = [] if corridor is None else [corridor.colour]
+        self._lines("corridor", lines, coloured(colours, len(lines)), SURE_PX)
 
     def _points(self, scene: ObjectScene) -> None:
         add = partial(
@@ -138,32 +110,26 @@ class DrawnObjects:
         )  # fmt: skip
         self._put("points", add, scene.xyz, scene.colours)
 
-    def _words(self, scene: ObjectScene, parts: Parts) -> None:
-        """Words above the nearest objects; of labels where nothing was found."""
-        if scene.objects or not parts.truth:
-            said = [(one.label, one.corners_m) for one in scene.objects if parts.boxes]
-        else:
-            said = [(one.label, one.corners_m) for one in scene.truths]
-        said = apart(said)[: parts.labels]
+    def _words(self, said: Sequence[ShownWords]) -> None:
         while len(self._labels) < len(said):
             name = f"{NODE}/label_{len(self._labels)}"
             label = self._scene.add_label(name, "", anchor="bottom-center", font_screen_scale=0.9)
             self._labels.append(label)
-        for label, (text, corners) in zip(self._labels, said, strict=False):
-            label.text, label.position, label.visible = text, _above(corners), True
+        for label, words in zip(self._labels, said, strict=False):
+            label.text, label.position, label.visible = words.text, _above(words.corners_m), True
         for label in self._labels[len(said) :]:
             label.visible = False
 
 
-def apart(said: Sequence[tuple[str, Float64]]) -> list[tuple[str, Float64]]:
-    """Words with the (8, 3) corners they belong to, without those that would cover earlier ones."""
-    kept: list[tuple[str, Float64]] = []
+def apart(said: Sequence[ShownWords]) -> list[ShownWords]:
+    """Words without those that would cover earlier ones."""
+    kept: list[ShownWords] = []
     taken: list[Float64] = []
-    for text, corners in said:
-        x, y, z = _above(corners) - EYE_M
+    for words in said:
+        x, y, z = _above(words.corners_m) - EYE_M
         at = np.degrees([math.atan2(y, x), math.atan2(z, math.hypot(x, y))])
         if not any(bool((np.abs(at - other) < APART_DEG).all()) for other in taken):
-            kept.append((text, corners))
+            kept.append(words)
             taken.append(at)
     return kept
 
@@ -171,9 +137,3 @@ def apart(said: Sequence[tuple[str, Float64]]) -> list[tuple[str, Float64]]:
 def _above(corners_m: Float64) -> Float64:
     """(3,) over the middle of a box."""
     return np.append(corners_m[:, :2].mean(axis=0), corners_m[:, 2].max() + 0.1)
-
-
-def cross(place_m: Float64) -> Float32:
-    """(3, 2, 3) a cross at a place (3,)."""
-    arms = np.eye(3) * (0.5 * CROSS_M)
-    return np.asarray(np.stack([place_m - arms, place_m + arms], axis=1), np.float32)

@@ -12,10 +12,15 @@ from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame
 from pseudolidar.viewer.moment import Moment
-from pseudolidar.viewer.objects.drawn import TRUTH_COLOUR
 from pseudolidar.viewer.objects.lines import edges_of
 from pseudolidar.viewer.objects.scene import ObjectScene
-from pseudolidar.viewer.objects.shown import Colour, ShownObject, ShownTruth, hexadecimal
+from pseudolidar.viewer.objects.shown import (
+    TRUTH_COLOUR,
+    Colour,
+    ShownObject,
+    ShownTruth,
+    hexadecimal,
+)
 
 BoxPx = tuple[float, float, float, float]
 # No coordinate is sent that is farther out, px, and digits after the point.

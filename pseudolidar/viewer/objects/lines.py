@@ -13,6 +13,8 @@ from pseudolidar.structures.box import BOX_EDGES
 SCREEN_GAMMA = 2.2
 # Dashes of an edge, whatever its length.
 DASHES = 7
+# A cross at a place, m.
+CROSS_M = 0.4
 _EDGES = np.array(BOX_EDGES)
 
 
@@ -29,6 +31,12 @@ def dashed(edges: Float32) -> Float32:
     begin, end = edges[:, None, None, 0], edges[:, None, None, 1]
     parts = begin + ends[None, :, :, None] * (end - begin)
     return np.asarray(parts.reshape(-1, 2, 3), np.float32)
+
+
+def cross(place_m: Float64) -> Float32:
+    """(3, 2, 3) a cross at a place (3,)."""
+    arms = np.eye(3) * (0.5 * CROSS_M)
+    return np.asarray(np.stack([place_m - arms, place_m + arms], axis=1), np.float32)
 
 
 def coloured(colours: Sequence[tuple[int, int, int]], each: int) -> UInt8:

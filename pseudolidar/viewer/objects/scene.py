@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,8 +11,52 @@ from pseudolidar.structures.arrays import Float32, Float64, UInt8
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.viewer.moment import Moment, Sight
 from pseudolidar.viewer.objects.in_order import Told
+from pseudolidar.viewer.objects.lines import cross, edges_of
 from pseudolidar.viewer.objects.objects import WatchedCorridor
-from pseudolidar.viewer.objects.shown import Band, ShownObject, ShownTruth, colour_of
+from pseudolidar.viewer.objects.shown import (
+    TRUTH_COLOUR,
+    Band,
+    Colour,
+    ShownObject,
+    ShownTruth,
+    colour_of,
+)
+
+# Of a corridor in which nothing is seen, and of one with a thing in it.
+FREE_COLOUR: Colour = (70, 200, 110)
+THING_COLOUR: Colour = (255, 90, 60)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What of objects is drawn.
+
+    Args:
+        boxes: with their arrows.
+        labels: words at so many of the nearest.
+        points: in the colours of their boxes.
+        truth: what the data set labels.
+    """
+
+    boxes: bool = True
+    labels: int = 10
+    points: bool = False
+    truth: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class ShownWords:
+    """What is written at a box.
+
+    Args:
+        text: lines of it.
+        corners_m: (8, 3) of the box, in the frame of the clouds.
+        colour: of the box.
+    """
+
+    text: str
+    corners_m: Float64
+    colour: Colour
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +72,16 @@ class ShownCorridor:
     corners_m: Float64
     nearest_m: Float64 | None
     text: str
+
+    @property
+    def colour(self) -> Colour:
+        """Tells whether anything is in it."""
+        return FREE_COLOUR if self.nearest_m is None else THING_COLOUR
+
+    def lines(self) -> Float32:
+        """(N, 2, 3) its edges, and a cross where the nearest thing is."""
+        edges = edges_of([self.corners_m])
+        return edges if self.nearest_m is None else np.concatenate([edges, cross(self.nearest_m)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +110,28 @@ class ObjectScene:
     def chosen_one(self) -> ShownObject | None:
         """The object that somebody chose, where it is in this frame."""
         return next((one for one in self.objects if one.key == self.chosen), None)
+
+    def only(self, parts: Parts) -> ObjectScene:
+        """What is left where parts of it are not drawn; `words` are of the whole scene."""
+        nothing = ObjectScene()
+        points = self if parts.points else nothing
+        return replace(
+            self,
+            objects=self.objects if parts.boxes else (),
+            truths=self.truths if parts.truth else (),
+            xyz=points.xyz,
+            colours=points.colours,
+        )
+
+    def words(self, parts: Parts) -> list[ShownWords]:
+        """Words at all boxes that are drawn, the nearest first: of labels where nothing was found.
+
+        Whoever writes them leaves out those without room, and writes `parts.labels` of the others.
+        """
+        drawn = self.only(parts)
+        if self.objects:
+            return [ShownWords(one.label, one.corners_m, one.colour) for one in drawn.objects]
+        return [ShownWords(one.label, one.corners_m, TRUTH_COLOUR) for one in drawn.truths]
 
 
 def shown_objects(told: Told, band: Band, T_forward_camera: Float64) -> tuple[ShownObject, ...]:

@@ -33,6 +33,8 @@ CLASS_COLOURS: dict[str, Colour] = {
     "motorcycle": (255, 160, 60),
 }
 OTHER_COLOUR: Colour = (120, 220, 150)
+# Of what the data set labels.
+TRUTH_COLOUR: Colour = (235, 235, 235)
 # Below this confidence a box is drawn as one that nobody is sure of.
 SURE = 0.5
 # An arrow reaches as far as a thing comes in this time, s.

@@ -27,9 +27,9 @@ from pseudolidar.viewer.objects.asking import (
     detector_of,
     kinds,
 )
-from pseudolidar.viewer.objects.drawn import DrawnObjects, Parts
+from pseudolidar.viewer.objects.drawn import DrawnObjects
 from pseudolidar.viewer.objects.in_picture import PictureBox, boxes_in_picture
-from pseudolidar.viewer.objects.scene import ObjectScene
+from pseudolidar.viewer.objects.scene import ObjectScene, Parts
 from pseudolidar.viewer.objects.teller import RunObjects, Wish
 from pseudolidar.viewer.objects.watch import ObjectWatch
 from pseudolidar.viewer.panels.obstacle_list import ObstacleList

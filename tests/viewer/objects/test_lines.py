@@ -8,6 +8,7 @@ from pseudolidar.structures.box import Box3D
 from pseudolidar.structures.pose import Pose
 from pseudolidar.viewer.objects.drawn import apart
 from pseudolidar.viewer.objects.lines import DASHES, coloured, dashed, edges_of
+from pseudolidar.viewer.objects.scene import ShownWords
 
 BOX = Box3D(Pose("a", "b", np.eye(4)), 4.0, 2.0, 1.0)
 
@@ -39,8 +40,8 @@ def test_colours_are_of_their_lines():
 
 
 def test_words_that_would_cover_nearer_ones_are_left_out():
-    def at(x: float, y: float) -> np.ndarray:
-        return BOX.corners_m() + np.array([x, y, 0])
+    def at(text: str, x: float, y: float) -> ShownWords:
+        return ShownWords(text, BOX.corners_m() + np.array([x, y, 0]), (0, 0, 0))
 
-    kept = apart([("near", at(8, 0)), ("beside", at(8, 6)), ("behind", at(9, 0.2))])
-    assert [text for text, _ in kept] == ["near", "beside"]
+    kept = apart([at("near", 8, 0), at("beside", 8, 6), at("behind", 9, 0.2)])
+    assert [words.text for words in kept] == ["near", "beside"]

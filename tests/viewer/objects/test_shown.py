@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pseudolidar.geometry.frames import R_BODY_OPTICAL
-from pseudolidar.viewer.objects.drawn import DrawnObjects, Parts
-from pseudolidar.viewer.objects.scene import ObjectScene
+from pseudolidar.viewer.objects.drawn import DrawnObjects
+from pseudolidar.viewer.objects.scene import ObjectScene, Parts
 from pseudolidar.viewer.objects.shown import ShownObject
 from pseudolidar.viewer.server import GuardedServer
 from tests.formats.made_obstacles import car, light
