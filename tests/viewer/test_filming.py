@@ -95,6 +95,18 @@ def test_a_map_with_its_path_is_flown_along():
     assert (picture == PATH_COLOUR).all(axis=2).any()
 
 
+def test_what_is_hidden_on_the_page_is_in_no_film():
+    hidden = {"hidden": Look(visible=False)}
+    stills = (StillCloud("seen", ground()), StillCloud("hidden", ground((0, 0, 255))))
+    for opened in (Opened(stills=stills), Opened((Frames(),), stills)):
+        for looks, blue in (({}, True), (hidden, False)):
+            shot = next(Film.of(opened, looks, size_px=SMALL).shots)
+            assert (shot.cloud.rgb == (0, 0, 255)).all(axis=1).any() == blue
+            assert (shot.cloud.rgb == RED).all(axis=1).any()
+    with pytest.raises(CloudEmpty, match="nothing that could be seen"):
+        Film.of(Opened(stills=stills[1:]), hidden)
+
+
 def test_paths_alone_are_turned():
     assert Film.of(Opened(stills=(path(),)), size_px=SMALL).count == 350
 

@@ -16,8 +16,8 @@ from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.disparity import DepthMap
 from pseudolidar.structures.recorded import DepthFrame
 from pseudolidar.viewer.moment import Moment, Sight
-from pseudolidar.viewer.objects.scene import ObjectScene
-from pseudolidar.viewer.objects.shown import ShownObject
+from pseudolidar.viewer.objects.scene import ObjectScene, Parts
+from pseudolidar.viewer.objects.shown import Band, ShownObject
 from pseudolidar.viewer.panels.obstacles import ObstaclesPanel
 from pseudolidar.viewer.reel import NoFrames
 from pseudolidar.viewer.remembered import RememberedSights
@@ -90,3 +90,16 @@ def test_only_what_is_followed_is_held(panel, monkeypatch):
         place = panel._followed(panel._view.moment)
         assert (place is not None) is held
         assert not held or np.array_equal(place, shown.middle_m)
+
+
+def test_a_film_has_the_detector_the_limits_and_the_parts_that_are_chosen(panel):
+    panel._kind.value = "labels"
+    panel._watched.value = True
+    panel._range.value = (5.0, 20.0)
+    panel._draw_parts(labels=3)
+    filmed = panel.filmed()
+    assert filmed.parts == Parts(labels=3)
+    assert filmed.scenes.band == Band(5, 20, 0)
+    assert filmed.scenes.teller.wish.detect is panel._loaded[1]
+    assert filmed.scenes.teller.wish.corridor is not None
+    assert "first" in filmed.scenes(panel._view.moment).text  # it is looked for at once

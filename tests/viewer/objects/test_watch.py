@@ -174,6 +174,27 @@ def test_limits_hide_what_is_beyond(street: Looked):
     assert not Band(least_m=9.0).holds(every[0])
 
 
+def test_elsewhere_the_same_is_drawn_from_the_first_frame_on(street: Looked):
+    watch = street.watch
+    watch.ask(LABELS)
+    watch.band = Band(0, 15, 0)
+    page = [street.scene(index) for index in range(2)]
+    scenes = watch.at_once()
+    film = [scenes(moment) for moment in street.moments[:2]]
+    again = street.scene(1)
+    watch.band = Band()
+    for shown, drawn, found in zip(page, film, street.found, strict=False):
+        told, same = (
+            [(one.name, one.obstacle.distance_m) for one in scene.objects]
+            for scene in (shown, drawn)
+        )
+        assert told == same
+        assert 0 < len(told) < len(found.obstacles)
+        assert drawn.corridor is not None
+    assert film[0].objects[0].key == film[1].objects[0].key  # it follows them by itself
+    assert [one.key for one in again.objects] == [one.key for one in page[1].objects]
+
+
 def test_what_a_run_found_is_shown_by_frame(street: Looked):
     run: dict[str, tuple[Obstacle, ...]] = {
         street.moments[1].id: street.found[1].obstacles[:2],
