@@ -321,7 +321,7 @@ class SequenceTime(PseudolidarError):
 
 
 class OdometryLost(PseudolidarError):
-    """So many frames in a row tell nothing of their motion that the path ends before them."""
+    """A path ends: too many frames in a row tell nothing, or nothing joins what is seen next."""
 
     advice = "Leave those frames out with --exclude, or see what report.html says of each."
 

@@ -15,6 +15,7 @@ from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.loop import LoopClosure, LoopEnd
 from pseudolidar.structures.odometry import OdometryState
+from tests.mapping.told_chain import frames_for
 
 
 def closure(correction_m: float) -> LoopClosure:
@@ -40,8 +41,8 @@ def test_each_loop_has_its_numbers_and_two_pictures():
     every = Synthetic("room", frames=4, width_px=128).open()
     source = select(every, FrameSelection.parse("1:4"), None)  # places are not indices here
     placed = tuple(
-        Placed.of(every.load(index), Registered(OdometryState("lost")), None, ())
-        for index in range(4)
+        Placed.of(frame, Registered(OdometryState("lost")), None, ())
+        for frame in frames_for(range(4))
     )
     walked = Walked((), placed, (closure(1.5),), (closure(9.0),), {"few_matches": 4})
     (section,) = loop_sections(walked, source)

@@ -9,8 +9,8 @@ from pseudolidar.errors import ImageUnreadable, LowTexture
 from pseudolidar.formats.limits import Limits
 from pseudolidar.formats.pictures.stored_disparity import decode_disparity, encode_disparity
 from pseudolidar.running.mapped.stored import MatchOnce
-from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.disparity import DisparityMap
+from tests.mapping.told_chain import frames_for
 
 
 def some(shape: tuple[int, int] = (37, 53)) -> DisparityMap:
@@ -62,9 +62,9 @@ def test_where_nothing_is_seen_nothing_is_looked_for(tmp_path):
     def never(_frame):
         raise AssertionError("looked for things in a black picture")
 
-    source = Synthetic("street", frames=1, width_px=64, height_px=32).open()
+    (frame,) = frames_for(["black"])
     match_once = MatchOnce(SimpleNamespace(disparity=dark), tmp_path, sight=never, detect=never)
-    matched = match_once(source.load(0))
+    matched = match_once(frame)
     assert matched.movable == ()
     assert not matched.disparity.valid.any()
     assert "LowTexture: black" in matched.product.figures["notes"]
