@@ -68,6 +68,7 @@ class App:
         self.view.on_shown(lambda _: self.octrees.wake())
         self.meshes = DrawnMeshes(server.viser, self.view.stage)
         self.view.on_shown(lambda _: self.meshes.redraw())
+        self.view.on_stop(self.meshes.close)
         self.ground = DrawnGround(self.view)
         self.ruler = DrawnRuler(server.viser, lambda: self.ground.level_m)
         self.view.on_shown(lambda _: self.ruler.wake())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.mesh import Mesh
 from pseudolidar.viewer.colouring import Colouring
+from pseudolidar.viewer.latest import Latest
 from pseudolidar.viewer.meshes import surface_colours
 from pseudolidar.viewer.placement import inverse_ray
 from pseudolidar.viewer.stage import MAP, Look, Stage
@@ -43,10 +44,11 @@ class DrawnMeshes:
         self._surfaces: dict[str, Any] = {}
         self._edges: dict[str, Any] = {}
         self._coloured: dict[str, Colouring] = {}
+        self._work: Latest[Mapping[str, Colouring]] = Latest(self._colour_all, name="meshes")
         for name, one in self._meshes.items():
             colouring = Colouring("height") if one.mesh.rgb is None else Colouring()
             stage.looks.setdefault(name, Look(colouring))
-        self.redraw()
+        self._colour_all(self._settled(), lambda: False)
 
     @property
     def points(self) -> Mapping[str, PointCloud]:
@@ -54,14 +56,12 @@ class DrawnMeshes:
         return {name: one.points for name, one in self._meshes.items()}
 
     def redraw(self) -> None:
-        """Draw as looks say now."""
-        for name, one in self._meshes.items():
+        """Draw as looks say now; in other colours when they are made, a second for a million."""
+        wanted = self._settled()
+        if any(self._coloured.get(name) != colouring for name, colouring in wanted.items()):
+            self._work.ask(wanted)
+        for name in self._meshes:
             look = self._stage.look(name)
-            settled = look.colouring.settled(one.points)
-            if settled != look.colouring:
-                look = self._stage.looks[name] = replace(look, colouring=settled)
-            if look.visible and not look.edges:
-                self._colour(name, settled)
             if look.visible and look.edges and name not in self._edges:
                 self._edges[name] = self._scene.add_mesh_simple(
                     f"{MAP}/{name}/edges",
@@ -70,9 +70,15 @@ class DrawnMeshes:
                     color=EDGE_COLOUR,
                     wireframe=True,
                 )
-            for handles, of_edges in ((self._surfaces, False), (self._edges, True)):
-                if name in handles:
-                    handles[name].visible = look.visible and look.edges is of_edges
+        self._show()
+
+    def idle(self, timeout_s: float) -> bool:
+        """Wait until all colours are drawn; tells whether they are."""
+        return self._work.idle(timeout_s)
+
+    def close(self) -> None:
+        """Colour nothing more."""
+        self._work.close()
 
     def pickable(
         self, origin: Float64, direction: Float64
@@ -96,12 +102,33 @@ class DrawnMeshes:
             if place is not None
         }
 
+    def _settled(self) -> Mapping[str, Colouring]:
+        """How the surfaces that are drawn are coloured, with ends that suit them."""
+        found = {}
+        for name, one in self._meshes.items():
+            look = self._stage.look(name)
+            settled = look.colouring.settled(one.points)
+            if settled != look.colouring:
+                self._stage.looks[name] = replace(look, colouring=settled)
+            if look.visible and not look.edges:
+                found[name] = settled
+        return found
+
+    def _show(self) -> None:
+        for handles, of_edges in ((self._surfaces, False), (self._edges, True)):
+            for name, handle in list(handles.items()):
+                look = self._stage.look(name)
+                handle.visible = look.visible and look.edges is of_edges
+
+    def _colour_all(self, wanted: Mapping[str, Colouring], overtaken: Callable[[], bool]) -> None:
+        for name, colouring in wanted.items():
+            if self._coloured.get(name) != colouring and not overtaken():
+                self._colour(name, colouring)
+                self._coloured[name] = colouring
+        self._show()
+
     def _colour(self, name: str, colouring: Colouring) -> None:
-        if self._coloured.get(name) == colouring:
-            return
-        self._coloured[name] = colouring
-        one = self._meshes[name]
-        rgb = surface_colours(one.mesh, one.points, colouring)
+        rgb = surface_colours(self._meshes[name], colouring)
         data = encode_glb(self._near[name], light=light_shown_as(rgb))
         if name in self._surfaces:
             self._surfaces[name].glb_data = data

@@ -12,7 +12,6 @@ from pseudolidar.errors import LimitError, PointFileCorrupt, PseudolidarError
 from pseudolidar.formats.meshes.mesh_file import ENCODERS, read_mesh
 from pseudolidar.formats.points.ply import ply_facts
 from pseudolidar.geometry.cloud_frames import turned_forward
-from pseudolidar.geometry.mesh_surface import vertex_normals
 from pseudolidar.mapping.mesh_cleaning import decimated
 from pseudolidar.structures.arrays import Float64, UInt8
 from pseudolidar.structures.cloud import PointCloud
@@ -26,8 +25,6 @@ _log = logging.getLogger(__name__)
 # Triangles that a browser draws; of more, as many are merged. It takes a core 12 s for each
 # million that is too many, so that still larger meshes are refused.
 MOST_TRIANGLES, MOST_READ = 1_000_000, 5_000_000
-# Where colours are no photo light falls from here, and leaves this share to what faces away.
-LIGHT, DARKEST = np.array([0.36, 0.24, 0.9]), 0.4
 
 
 def is_mesh_file(path: Path) -> bool:
@@ -72,20 +69,17 @@ def read_still_mesh(name: str, path: Path) -> StillMesh:
     return StillMesh(name, _fewer(_turned(mesh), name))
 
 
-def surface_colours(mesh: Mesh, points: PointCloud, colouring: Colouring) -> UInt8:
+def surface_colours(still: StillMesh, colouring: Colouring) -> UInt8:
     """(V, 3) RGB of the vertices: a photo as it is, all else with light and shade.
 
     Args:
-        mesh: the surface.
-        points: its vertices.
+        still: the surface.
         colouring: what their colours mean.
     """
-    colours = colouring.colours(points)
-    if colouring.by == "photo" and mesh.rgb is not None:
+    colours = colouring.colours(still.points)
+    if colouring.by == "photo" and still.mesh.rgb is not None:
         return colours
-    lit = np.abs(vertex_normals(mesh) @ (LIGHT / np.linalg.norm(LIGHT)))
-    shade = DARKEST + (1 - DARKEST) * lit
-    return np.asarray(np.rint(colours * shade[:, None]), np.uint8)
+    return np.asarray(np.rint(colours * still.shade[:, None]), np.uint8)
 
 
 def _somewhere(mesh: Mesh, path: Path) -> Mesh:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from pseudolidar.geometry.mesh_surface import vertex_normals
 from pseudolidar.geometry.path_length import length_m
-from pseudolidar.structures.arrays import AnyArray, Float64
+from pseudolidar.structures.arrays import AnyArray, Float32, Float64
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.mesh import Mesh
 from pseudolidar.viewer.octree.tree import Octree
 
 # Of a large cloud every browser draws the coarsest points, wherever it looks.
 SHARED_POINTS = 300_000
+# Where colours of a mesh are no photo light falls from here, and leaves this share to what faces
+# away.
+LIGHT, DARKEST = np.array([0.36, 0.24, 0.9]), 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +105,12 @@ class StillMesh:
     def points(self) -> PointCloud:
         """Its vertices."""
         return PointCloud(self.mesh.vertices, self.mesh.frame, rgb=self.mesh.rgb)
+
+    @cached_property
+    def shade(self) -> Float32:
+        """(V,) how bright light makes each vertex, 0 to 1."""
+        lit = np.abs(vertex_normals(self.mesh) @ (LIGHT / np.linalg.norm(LIGHT)))
+        return np.asarray(DARKEST + (1 - DARKEST) * lit, np.float32)
 
 
 Still = StillCloud | StillPath | StillOctree | StillMesh

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import struct
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from pseudolidar.formats.pictures.image import read_image
 from pseudolidar.formats.points.ply import write_ply
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.mesh import Mesh
-from pseudolidar.viewer import meshes
+from pseudolidar.viewer import drawn_meshes, meshes
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.colouring import Colouring
@@ -42,6 +43,16 @@ def roof(origin: np.ndarray = UTM, frame: str = "map") -> Mesh:
     rgb = np.uint8([(200, 30, 30), (200, 30, 30), *[(120, 120, 30)] * 2, *[(30, 200, 30)] * 2])
     faces = np.int32([[0, 1, 2], [0, 2, 3], [3, 2, 4], [3, 4, 5]])
     return Mesh(np.array(at, np.float64) + origin, faces, frame, rgb)
+
+
+def waves(count: int, *, step_m: float, high_m: float) -> Mesh:
+    """A square of so many vertices a side."""
+    y, x = step_m * np.mgrid[0:count, 0:count].astype(np.float64)
+    corner = (np.arange(count - 1)[:, None] * count + np.arange(count - 1)).ravel()
+    faces = [np.stack([corner, corner + 1, corner + count + 1], axis=1)]
+    faces += [np.stack([corner, corner + count + 1, corner + count], axis=1)]
+    places = np.stack([x, y, high_m * np.sin(4 * x)], axis=-1).reshape(-1, 3) + UTM
+    return Mesh(places, np.concatenate(faces).astype(np.int32), "map")
 
 
 def opened(*paths: Path) -> Opened:
@@ -118,13 +129,7 @@ def test_vertices_that_are_nowhere_take_their_triangles_with_them(
 def test_large_meshes_are_merged_and_larger_ones_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ):
-    n = 20
-    y, x = np.mgrid[0:n, 0:n].astype(np.float64)
-    corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
-    faces = [np.stack([corner, corner + 1, corner + n + 1], axis=1)]
-    faces += [np.stack([corner, corner + n + 1, corner + n], axis=1)]
-    flat = np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3) + UTM
-    grid = Mesh(flat, np.concatenate(faces).astype(np.int32), "map")
+    grid = waves(20, step_m=1.0, high_m=0.0)
     (tmp_path / "m.ply").write_bytes(ENCODERS["ply"](grid))
     monkeypatch.setattr(meshes, "MOST_TRIANGLES", 100)
     with caplog.at_level(logging.WARNING):
@@ -138,6 +143,14 @@ def test_large_meshes_are_merged_and_larger_ones_refused(
         opened(tmp_path / "m.ply")
 
 
+def test_merging_far_from_0_loses_no_digits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "m.ply").write_bytes(ENCODERS["ply"](waves(60, step_m=0.05, high_m=0.2)))
+    monkeypatch.setattr(meshes, "MOST_TRIANGLES", 800)
+    few = read_still_mesh("m", tmp_path / "m.ply").mesh.vertices - UTM
+    # 0 about the first vertex; 42 mm where they are merged as far from 0 as the file has them.
+    assert np.abs(few[:, 2] - 0.2 * np.sin(4 * few[:, 0])).max() < 1e-3
+
+
 def test_light_passes_the_tone_curve_as_the_colour_it_stands_for():
     rng = np.random.default_rng(0)
     ends = np.array([(0, 0, 0), (255, 255, 255), (255, 0, 0), (0, 0, 255)])
@@ -149,10 +162,11 @@ def test_light_passes_the_tone_curve_as_the_colour_it_stands_for():
 
 def test_slopes_that_face_the_light_are_brighter_and_photos_are_as_they_are():
     mesh = roof()
-    points = StillMesh("m", mesh).points
-    assert np.array_equal(surface_colours(mesh, points, Colouring("photo")), mesh.rgb)
-    plain = surface_colours(mesh, points, Colouring("plain")).astype(int)
+    still = StillMesh("m", mesh)
+    assert np.array_equal(surface_colours(still, Colouring("photo")), mesh.rgb)
+    plain = surface_colours(still, Colouring("plain")).astype(int)
     assert plain[5].sum() > plain[0].sum() + 30  # light comes from the left
+    assert still.shade is still.shade  # of a million triangles it takes seconds
 
 
 @pytest.fixture
@@ -165,6 +179,7 @@ def app(tmp_path: Path) -> Iterator[App]:
 def look(app: App, **changes: object) -> None:
     app.scene._folders["mesh.ply"].set(**changes)
     app.meshes.redraw()
+    assert app.meshes.idle(10)
 
 
 def test_what_is_sent_is_small_numbers_and_is_changed_in_place(app: App):
@@ -177,6 +192,9 @@ def test_what_is_sent_is_small_numbers_and_is_changed_in_place(app: App):
     look(app, colouring=Colouring("height"))
     assert app.meshes._surfaces["mesh.ply"] is surface
     assert surface.glb_data != before
+    before = surface.glb_data
+    look(app)
+    assert surface.glb_data is before  # it is not sent again with every frame
     controls = app.scene._folders["mesh.ply"]
     controls.show()
     assert controls._bar.visible
@@ -188,6 +206,21 @@ def test_what_is_sent_is_small_numbers_and_is_changed_in_place(app: App):
     assert not app.meshes._edges["mesh.ply"].visible
     look(app, visible=True, edges=False)
     assert surface.visible
+
+
+def test_other_colours_hold_up_no_frame(app: App, monkeypatch: pytest.MonkeyPatch):
+    threads = []
+
+    def colours(still: StillMesh, colouring: Colouring) -> np.ndarray:
+        threads.append(threading.current_thread())
+        return surface_colours(still, colouring)
+
+    monkeypatch.setattr(drawn_meshes, "surface_colours", colours)
+    look(app, colouring=Colouring("range"))
+    (thread,) = threads
+    assert thread is not threading.current_thread()
+    app.view.stop()
+    assert not thread.is_alive()
 
 
 def test_a_click_on_a_triangle_tells_the_place_between_its_vertices(app: App):

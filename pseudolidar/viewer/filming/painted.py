@@ -79,8 +79,8 @@ class Painter:
 
     def mesh(self, still: StillMesh) -> PointCloud:
         """A surface as points that cover it."""
-        mesh, points = still.mesh, still.points
-        shown = surface_colours(mesh, points, self._colouring(still.name, points))
+        mesh = still.mesh
+        shown = surface_colours(still, self._colouring(still.name, still.points))
         corners, weights = spread_over(mesh, SURFACE_POINTS)
         xyz = np.einsum("nc,nci->ni", weights, mesh.vertices[corners] - self._origin_m)
         rgb = np.einsum("nc,nci->ni", weights, shown[corners])
