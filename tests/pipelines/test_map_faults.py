@@ -138,6 +138,7 @@ def test_dark_pairs_are_bridged_and_in_no_map(root: Path, capsys):
     path = answer["trajectory"]
     assert (code, answer["skipped"], path["frames"]) == (0, 0, 6)
     assert (path["extrapolated"], path["lost"]) == (["000003"], [])
+    assert path["frames_judged"] == 5
     assert path["ape_rmse_m"] < 0.05
     out = root.parent / "out"
     assert "black, covered, or without texture" in (out / "report.html").read_text()
