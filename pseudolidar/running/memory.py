@@ -16,7 +16,7 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
 _LARGEST_MMAP_THRESHOLD = 32 << 20  # what glibc accepts on 64 bits
 _KEPT_BYTES = 512 << 20
 # What a process that stays gives back: blocks from so many bytes on.
-_GIVEN_BACK_BYTES, _FEW_HEAPS = 1 << 20, 2
+_GIVEN_BACK_BYTES, _FEW_HEAPS = 1 << 18, 2
 # Points that become a file are held as they came, joined, and as its bytes: so often at once.
 _COPIES_HELD = 3
 
@@ -32,10 +32,10 @@ def keep_freed_memory() -> None:
 
 
 def give_back_freed_memory() -> None:
-    """Tell glibc to give blocks of 1 MiB and more back when they are freed; before threads start.
+    """Tell glibc to give blocks of 256 KiB and more back when they are freed; before threads start.
 
     For a process that stays for hours and makes now this, now that, in many threads: by default
-    arrays of some MB lie among small objects that stay, in a heap for each thread, and what is
+    arrays of a frame lie among small objects that stay, in a heap for each thread, and what is
     between them is lost. What the viewer holds grew by a third in four minutes, without one object
     more (`tests/benchmarks/viewer_soak.py`, 2026-11-27). After `keep_freed_memory` it holds again.
     """

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
 _log = logging.getLogger(__name__)
 Request = TypeVar("Request")
+# Where it makes way for others: how long it rests after work, as a multiple of what that took, and
+# the longest rest, s.
+RESTS, LONGEST_REST_S = 4.0, 2.0
 
 
 class Latest(Generic[Request]):
@@ -17,12 +21,17 @@ class Latest(Generic[Request]):
     Args:
         work: does a request; may ask between its steps whether it is overtaken, and end then.
         name: of the thread.
+        makes_way: whether others need the processor now, and each work is followed by a rest.
     """
 
     def __init__(
-        self, work: Callable[[Request, Callable[[], bool]], None], *, name: str = "latest"
+        self,
+        work: Callable[[Request, Callable[[], bool]], None],
+        *,
+        name: str = "latest",
+        makes_way: Callable[[], bool] = bool,
     ) -> None:
-        self._work, self._name = work, name
+        self._work, self._name, self._makes_way = work, name, makes_way
         self._changed = threading.Condition()
         self._next: list[Request] = []
         self._busy = self._closed = False
@@ -65,7 +74,19 @@ class Latest(Generic[Request]):
                 if self._closed:
                     return
                 (request,), self._next, self._busy = self._next, [], True
+            begun_s = time.monotonic()
             try:
                 self._work(request, self._overtaken)
             except Exception:  # one request's trouble is not that of the next
                 _log.exception("%s: not done", self._name)
+            self._rest(time.monotonic() - begun_s)
+
+    def _rest(self, worked_s: float) -> None:
+        """Nothing for a while; who asks when nobody else needs the processor ends it."""
+        if not self._makes_way():
+            return
+        with self._changed:
+            self._changed.wait_for(
+                lambda: self._closed or (self._next and not self._makes_way()),
+                min(RESTS * worked_s, LONGEST_REST_S),
+            )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import threading
@@ -16,6 +17,8 @@ import psutil
 
 PROGRAM = ("pseudolidar.cli",)
 PATIENCE_S = 60.0
+# Where bytecode is not kept, all modules are compiled at every start: a second more.
+COMPILES = "PYTHONDONTWRITEBYTECODE"
 
 
 @dataclass
@@ -76,8 +79,9 @@ def served(arguments: Sequence[str], *, program: Sequence[str] = PROGRAM) -> Ite
         program: module that has the verb, and what stands before it.
     """
     line = [sys.executable, "-m", *program, "view", *arguments, "--no-browser", "--port", "0"]
+    environment = {name: value for name, value in os.environ.items() if name != COMPILES}
     begun_s = time.monotonic()
-    with subprocess.Popen(line, stderr=subprocess.PIPE, text=True) as child:
+    with subprocess.Popen(line, stderr=subprocess.PIPE, text=True, env=environment) as child:
         try:
             yield Served(child, begun_s)
         finally:

@@ -26,9 +26,9 @@ from tests.viewer.visitor import Visitor, cookie_of
 
 # What is played: all of its frames are kept ready.
 ARGUMENTS = ("synthetic:street:4",)
-ROTA_S, SAMPLE_S = 30.0, 0.5
-# All frames are made, all kernels loaded, every part of the page used twice.
-WARM_S = 4 * ROTA_S
+ROTA_S, SAMPLE_S = 60.0, 1.0
+# All frames are made, all kernels loaded, every part of the page used; or longer before a long one.
+WARM_TURNS, WARM_SHARE = 3, 1 / 6
 # How long one reads nothing: less and more than a server waits for it (20 s).
 STALLS_S = (8.0, 25.0)
 # Growth that is allowed.
@@ -60,9 +60,9 @@ class Soaked:
 
     @property
     def ends_mb(self) -> tuple[float, float]:
-        """Median of the first and of the last turn after the warm-up, MB."""
+        """Median of the last turn of the warm-up, and of the last turn at all, MB."""
         at_s, held_mb = np.array(self.held).T
-        first = (at_s >= self.begun_s) & (at_s < self.begun_s + ROTA_S)
+        first = (at_s >= self.begun_s - ROTA_S) & (at_s < self.begun_s)
         last = at_s > at_s[-1] - ROTA_S
         return float(np.median(held_mb[first])), float(np.median(held_mb[last]))
 
@@ -78,17 +78,17 @@ class Soaked:
         return max(mb for at_s, mb in self.held if at_s >= self.begun_s)
 
 
-def soaked(seconds: float, *, kept_bytes: int = 0, warm_s: float = WARM_S) -> Soaked:
+def soaked(seconds: float, *, kept_bytes: int = 0) -> Soaked:
     """Serve, let them all in, and measure what the server holds.
 
     Args:
-        seconds: after the warm-up; at least twice `ROTA_S`.
+        seconds: after the warm-up; at least `ROTA_S`.
         kept_bytes: of each frame, by a server that leaks.
-        warm_s: how long nothing is judged.
     """
     seen, ended = Soaked(), threading.Event()
     program = (soaked_view.__name__, str(kept_bytes))
     with served(ARGUMENTS, program=program) as server, _all_at_work(server, seen, ended):
+        warm_s = max(WARM_TURNS * ROTA_S, WARM_SHARE * seconds)
         end_s = time.monotonic() + warm_s + seconds
         seen.begun_s = end_s - seconds
         while (now_s := time.monotonic()) < end_s:

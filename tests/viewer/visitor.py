@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.client
+import logging
 import socket
 import struct
 from contextlib import suppress
@@ -44,6 +45,13 @@ def cookie_of(url: str) -> str:
     return given.partition(";")[0]
 
 
+def _quiet() -> logging.Logger:
+    """Says nothing of a network that is gone."""
+    logger = logging.getLogger(f"{__name__}.connections")
+    logger.setLevel(logging.CRITICAL + 1)
+    return logger
+
+
 @dataclass
 class Visitor:
     """A websocket and what is known by it.
@@ -75,6 +83,7 @@ class Visitor:
             max_queue=1,
             ping_interval=None,  # who stalls does not answer itself either
             close_timeout=1,
+            logger=_quiet(),
         )
 
     def read(self, timeout_s: float | None = None) -> list[dict[str, Any]]:

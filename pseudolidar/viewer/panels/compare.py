@@ -40,7 +40,9 @@ class ComparePanel:
 
     def __init__(self, view: View, companions: Companions, rigs: RigShop | None = None) -> None:
         self._view, self._companions, gui = view, companions, view.gui
-        self._frame: Latest[Moment] = Latest(self._tell_frame, name="viewer-compare")
+        self._frame: Latest[Moment] = Latest(
+            self._tell_frame, name="viewer-compare", makes_way=lambda: view.timeline.playing
+        )
         self._every: Latest[int] = Latest(self._tell_all, name="viewer-compare-all")
         self._stopped = False
         gui.add_markdown(HINT)

@@ -67,7 +67,7 @@ class TunePanel:
         self._measured = workshop.job
         self._lock, self._syncing = threading.RLock(), False
         self.tuner = Tuner(view, source, workshop, self._told)
-        self.judge = Judge(self._judged)
+        self.judge = Judge(self._judged, makes_way=lambda: view.timeline.playing)
         view.on_stop(self.judge.close)
         view.server.pages |= {"/tune/settings": self._settings}
         view.stage.looks.setdefault(KEPT_CLOUD, Look(Colouring("plain")))

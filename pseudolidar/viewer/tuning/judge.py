@@ -45,11 +45,16 @@ class Judge:
 
     Args:
         told: is told, by a thread of its own.
+        makes_way: whether frames follow one another, of which it is enough to judge some.
     """
 
-    def __init__(self, told: Callable[[Judged], None]) -> None:
+    def __init__(
+        self, told: Callable[[Judged], None], *, makes_way: Callable[[], bool] = bool
+    ) -> None:
         self._told = told
-        self._latest: Latest[Moment] = Latest(self._judge, name="viewer-figures")
+        self._latest: Latest[Moment] = Latest(
+            self._judge, name="viewer-figures", makes_way=makes_way
+        )
         self._known: tuple[Image, Reference | None] | None = None
         self.ask, self.close = self._latest.ask, self._latest.close
 

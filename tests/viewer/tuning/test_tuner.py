@@ -20,6 +20,7 @@ from pseudolidar.structures.correction import DisparityCorrection
 from pseudolidar.viewer.latest import Latest
 from pseudolidar.viewer.moment import STEREO
 from pseudolidar.viewer.reel import SourceReel
+from pseudolidar.viewer.tuning import latest as latest_module
 from pseudolidar.viewer.tuning.figures import Reference, figures_of, range_table_of, table_of
 from pseudolidar.viewer.tuning.judge import GAINED, LOST, compared_picture, difference_picture
 from pseudolidar.viewer.tuning.reduced import (
@@ -31,6 +32,7 @@ from pseudolidar.viewer.tuning.reduced import (
 from pseudolidar.viewer.tuning.side_by_side import KEPT_CLOUD, side_by_side
 from pseudolidar.viewer.tuning.tuner import Tuner, Wanted, Workshop, reduced_job
 from pseudolidar.viewer.view import View
+from tests.viewer.clients import wait_until
 
 JOB = Convert(Synthetic("street", frames=2, width_px=400))
 SPARSE = replace(JOB, matcher=Census(uniqueness_percent=25))
@@ -196,6 +198,28 @@ def test_only_the_latest_is_done():
     latest.close()
     latest.ask(4)
     assert done == [(0, True), (3, False)]
+
+
+def test_work_rests_while_others_need_the_processor(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(latest_module, "RESTS", 1e9)
+    monkeypatch.setattr(latest_module, "LONGEST_REST_S", 60.0)
+    done, playing = list[int](), threading.Event()
+    playing.set()
+    latest = Latest[int](lambda request, _overtaken: done.append(request), makes_way=playing.is_set)
+    latest.ask(1)
+    wait_until(lambda: done == [1])
+    for request in (2, 3):
+        latest.ask(request)
+    assert not latest.idle(0.1)
+    assert done == [1]
+    playing.clear()
+    latest.ask(4)
+    assert latest.idle(5)
+    assert done == [1, 4]
+    playing.set()
+    latest.ask(5)
+    wait_until(lambda: done == [1, 4, 5])
+    latest.close()  # waits for no rest
 
 
 def test_a_reduced_pair_has_the_depths_of_the_whole_one(frame, source, converted):
