@@ -17,10 +17,10 @@ from pseudolidar.stereo.census import Census
 from pseudolidar.stereo.filters.filled_map import Surfaces
 from pseudolidar.stereo.sgbm import Bm
 from pseudolidar.structures.correction import DisparityCorrection
+from pseudolidar.viewer import latest as latest_module
 from pseudolidar.viewer.latest import Latest
 from pseudolidar.viewer.moment import STEREO
 from pseudolidar.viewer.reel import SourceReel
-from pseudolidar.viewer.tuning import latest as latest_module
 from pseudolidar.viewer.tuning.figures import Reference, figures_of, range_table_of, table_of
 from pseudolidar.viewer.tuning.judge import GAINED, LOST, compared_picture, difference_picture
 from pseudolidar.viewer.tuning.reduced import (
