@@ -118,15 +118,14 @@ class App:
         if "Compare" in tab:
             with tab["Compare"]:
                 self.compare = ComparePanel(self.view, self.companions, means.rigs)
+        with tab["Export"]:
+            filmed = self.obstacles.filmed if "Obstacles" in tab else None
+            self.export = ExportPanel(self.view, filmed)
         if "Points" in tab:
             with tab["Points"]:
                 gatherer = Gatherer(self.view, self.octrees)
                 self.box = BoxPanel(self.view, self.points, gatherer)
-        with tab["Export"]:
-            filmed = self.obstacles.filmed if "Obstacles" in tab else None
-            chosen = self.box.selection if "Points" in tab else dict
-            self.export = ExportPanel(self.view, filmed, chosen)
-        if "Points" in tab:
+            self.export.offer(self.box.selection)
             self.box.on_told(self.export.list_clouds)
         with tab["Help"]:
             self.help = HelpPanel(self.view, opened)

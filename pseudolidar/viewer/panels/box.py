@@ -45,6 +45,7 @@ class BoxPanel:
         self._view, self._gatherer = view, gatherer
         self._lock = threading.RLock()
         self._region: Region | None = None
+        self._asked: Region | None = None
         self._clicked: deque[Float64] = deque(maxlen=2)
         self._listeners: list[Callable[[], None]] = []
         self.figures: Mapping[str, BoxFigures] = {}
@@ -149,8 +150,10 @@ class BoxPanel:
         self.put(replace(region, T_local_box=T))
 
     def _ask(self) -> None:
-        if self._region is not None or self.figures:
-            self._work.ask(self.region)
+        region = self.region
+        if region is not None or self._asked is not None:
+            self._asked = region
+            self._work.ask(region)
 
     def _tell(self, region: Region | None, _overtaken: Callable[[], bool]) -> None:
         self.figures = figures = self._gatherer.figures(region)

@@ -44,16 +44,11 @@ class ExportPanel:
     Args:
         view: what is looked at.
         objects: of its frames, from the first one on, as they are drawn now; None for none.
-        selection: clouds that somebody chose points of, by name.
     """
 
-    def __init__(
-        self,
-        view: View,
-        objects: Callable[[], FilmedObjects] | None = None,
-        selection: Callable[[], Mapping[str, PointCloud]] = dict,
-    ) -> None:
-        self._view, self._objects, self._selection = view, objects, selection
+    def __init__(self, view: View, objects: Callable[[], FilmedObjects] | None = None) -> None:
+        self._view, self._objects = view, objects
+        self._selection: Callable[[], Mapping[str, PointCloud]] = dict
         self._names: tuple[str, ...] = ()
         self._asked, self._lock = set[int](), threading.Lock()
         view.server.pages |= {"/export/cloud": self._cloud, "/export/scene": self._scene}
@@ -70,6 +65,14 @@ class ExportPanel:
 
     def _show(self, _moment: Moment) -> None:
         self.list_clouds()
+
+    def offer(self, selection: Callable[[], Mapping[str, PointCloud]]) -> None:
+        """Have files of clouds that somebody chose points of as well.
+
+        Args:
+            selection: tells them, by name.
+        """
+        self._selection = selection
 
     def list_clouds(self) -> None:
         """Links to all that there is."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import threading
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -15,6 +16,8 @@ from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer import drawn_octrees
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.app import App
+from pseudolidar.viewer.boxes.figures import BoxFigures
+from pseudolidar.viewer.boxes.gathered import Gatherer
 from pseudolidar.viewer.boxes.region import Region
 from pseudolidar.viewer.controls import set_value
 from pseudolidar.viewer.drawn_region import FARTHEST_M
@@ -160,6 +163,26 @@ def test_of_too_many_points_the_coarsest_are_looked_through_and_that_is_told(
     assert 10_000 < len(one.points) == counts[counts <= 150_000][-1]
     assert one.whole == 400_000
     assert "of some 400,000 near it" in box._text.content
+
+
+def test_a_box_that_is_gone_before_it_is_told_tells_nothing(
+    app: App, box: BoxPanel, monkeypatch: pytest.MonkeyPatch
+):
+    box.put(None)
+    settled(box)
+    figures, begun, gone = Gatherer.figures, threading.Event(), threading.Event()
+
+    def late(gatherer: Gatherer, region: Region | None) -> Mapping[str, BoxFigures]:
+        begun.set()
+        assert gone.wait(10)
+        return figures(gatherer, region)
+
+    monkeypatch.setattr(Gatherer, "figures", late)
+    box.put(Region.about(np.zeros(3), np.full(3, 2.0)))
+    assert begun.wait(10)
+    box.put(None)
+    gone.set()
+    assert settled(box).figures == {}
 
 
 def test_buttons_pressed_without_points_do_nothing(app: App, box: BoxPanel):
