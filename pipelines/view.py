@@ -23,6 +23,7 @@ from pseudolidar.clouds.ground_fit import GroundFit
 from pseudolidar.clouds.outliers import Lonely
 from pseudolidar.errors import ALL_DONE, PseudolidarError, UsageError
 from pseudolidar.formats.rigs.rig_reading import RigUnit
+from pseudolidar.formats.trajectory_file import PoseRecord
 from pseudolidar.obstacles.corridor import Corridor
 from pseudolidar.obstacles.detectors import AnyDetector
 from pseudolidar.running.crew.crew_plan import CrewPlan
@@ -36,7 +37,7 @@ from pseudolidar.running.sighting import SMALL_THINGS_KEPT, Seen, SightFrame
 from pseudolidar.running.signals import Stopped
 from pseudolidar.sources.recognise import Source
 from pseudolidar.sources.scans_put_right import Scans, with_scans_put_right
-from pseudolidar.sources.selection import FrameSelection
+from pseudolidar.sources.selection import FrameSelection, select
 from pseudolidar.sources.source import FrameSequence, pairs_of
 from pseudolidar.stereo.balance import BalanceWhen
 from pseudolidar.stereo.census import Census
@@ -49,6 +50,7 @@ from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
+from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, Frame
 from pseudolidar.viewer.address import LOOPBACK, PORT, Address
@@ -61,6 +63,7 @@ from pseudolidar.viewer.objects.asking import Asked
 from pseudolidar.viewer.objects.teller import ScenesAtOnce
 from pseudolidar.viewer.opening import RUN_FILE, Opened, Opening
 from pseudolidar.viewer.reel import SourceReel
+from pseudolidar.viewer.truth import true_places
 from pseudolidar.viewer.tuning.tuner import Workshop
 
 _log = logging.getLogger(__name__)
@@ -187,15 +190,35 @@ class View:
     def reel_of_run(self, folder: Path) -> SourceReel | None:
         """The frames that a run saw, as it saw them; None, and why, where they are gone."""
         try:
-            settings = json.loads((folder / RUN_FILE).read_bytes())["settings"]
-            told = {name: settings[name] for name in OF_FRAMES if name in settings}
-            job = from_json(Convert, told, where=RUN_FILE)
-            return reel_by(replace(job, clean=self.clean))
-        except (
-            OSError, ValueError, KeyError, TypeError, RecursionError, PseudolidarError,
-        ) as error:  # fmt: skip
+            return reel_by(replace(job_of_run(folder), clean=self.clean))
+        except UNREADABLE as error:
             _log.warning("%s: its source cannot be opened: %s", folder, error)
             return None
+
+
+# What a run's settings and its source can be that are not here any more, or were changed.
+UNREADABLE = (OSError, ValueError, KeyError, TypeError, RecursionError, PseudolidarError)
+
+
+def job_of_run(folder: Path) -> Convert:
+    """The frames of a run, and how their disparities were found.
+
+    Raises:
+        what `UNREADABLE` has.
+    """
+    settings = json.loads((folder / RUN_FILE).read_bytes())["settings"]
+    told = {name: settings[name] for name in OF_FRAMES if name in settings}
+    return from_json(Convert, told, where=RUN_FILE)
+
+
+def truth_of_run(folder: Path, found: PoseRecord) -> Float64 | None:
+    """Where the rig of a run really was, as the path that it found; None where nobody knows."""
+    try:
+        job = job_of_run(folder)
+        return true_places(select(job.source.open(), job.frames, job.exclude), found)
+    except UNREADABLE as error:
+        _log.info("%s: where it really was cannot be told: %s", folder, error)
+        return None
 
 
 def run(job: View) -> ViewReport:
@@ -208,7 +231,7 @@ def run(job: View) -> ViewReport:
     give_back_freed_memory()
     if job.export is not None:
         check_export(job.export)
-    opened = Opening(job.reel_of, job.reel_of_run).all_of(job.paths)
+    opened = Opening(job.reel_of, job.reel_of_run, truth_of_run).all_of(job.paths)
     if job.export is not None:
         exported(job, opened, job.export)
         return ViewReport(job.export)

@@ -12,9 +12,9 @@ from pseudolidar.formats.trajectory_file import KITTI_VERTICAL, PoseRecord, read
 from pseudolidar.geometry.frame_chain import chain
 from pseudolidar.geometry.frames import BASE_LINK, MAP, left_in_base_link
 from pseudolidar.running.progress import FrameProgress
+from pseudolidar.sources.known_poses import pose_of
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.source import FrameSequence
-from pseudolidar.sources.synthetic import SyntheticSource
 from pseudolidar.structures.arrays import Float64, Int64
 from pseudolidar.structures.pose import Pose
 from pseudolidar.structures.recorded import HeldFrame, RecordedCloud
@@ -68,13 +68,12 @@ def source_poses(settings: Source, path: Path, *, body: PosedBody) -> PoseRecord
 
 
 def _known_poses(source: FrameSequence[HeldFrame]) -> tuple[Int64, Float64]:
-    """Times and `T_map_base_link` of the frames that have a pose; a world need not be rendered."""
-    if isinstance(source, SyntheticSource):
-        return source.trajectory.timestamps_ns, source.trajectory.T_world_body
+    """Times and `T_map_base_link` of the frames that have a pose; loaded where that is needed."""
+    pose_at = pose_of(source) or (lambda index: _pose(source.load(index)))
     poses, times_ns = [], []
     with FrameProgress(len(source.ids)) as progress:
         for index, stamp_ns in enumerate(source.timestamps_ns):
-            pose = _pose(source.load(index))
+            pose = pose_at(index)
             progress.advance()
             if pose is not None:
                 poses.append(pose.matrix)

@@ -25,6 +25,7 @@ from pseudolidar.viewer.panels.export import ExportPanel
 from pseudolidar.viewer.panels.help import HelpPanel
 from pseudolidar.viewer.panels.hue import HuePanel
 from pseudolidar.viewer.panels.obstacles import ObstaclesPanel
+from pseudolidar.viewer.panels.paths import PathsPanel
 from pseudolidar.viewer.panels.picture import PicturePanel
 from pseudolidar.viewer.panels.picture_boxes import PictureBoxes
 from pseudolidar.viewer.panels.points import PointsPanel
@@ -32,7 +33,7 @@ from pseudolidar.viewer.panels.run import RunPanel
 from pseudolidar.viewer.panels.scene import ScenePanel
 from pseudolidar.viewer.panels.time import TimePanel
 from pseudolidar.viewer.panels.tune import TunePanel
-from pseudolidar.viewer.reel import NoFrames, SourceReel
+from pseudolidar.viewer.reel import NoFrames, Reel, SourceReel
 from pseudolidar.viewer.remembered import RememberedSights
 from pseudolidar.viewer.server import GuardedServer, serve
 from pseudolidar.viewer.stills import StillOctree
@@ -76,15 +77,20 @@ class App:
         self._look_from()
         self.view.set_theme(dark=True)
         self.run = RunPanel(self.view, reel) if isinstance(reel, LiveReel) else None
-        if self.run is not None:
-            self.path = DrawnPath(self.view)
-        elif opened.reels:
+        self.path = self._drawn_path(reel)
+        if opened.reels and self.run is None:
             self.time = TimePanel(self.view)
         if opened.reels:
             self.picture = PicturePanel(self.view, sights)
         self.points = PointsPanel(self.view, (self.octrees, self.meshes))
         self._add_tabs(opened, sights, means)
         self._ended = threading.Event()
+
+    def _drawn_path(self, reel: Reel) -> DrawnPath | None:
+        """The way of what moves."""
+        if isinstance(reel, NoFrames):
+            return None
+        return DrawnPath(self.view, reel.poses if isinstance(reel, SourceReel) else None)
 
     def _add_tabs(self, opened: Opened, sights: RememberedSights | None, means: Means) -> None:
         """Panels that are looked at one at a time; what to do comes first where nothing is open."""
@@ -104,6 +110,7 @@ class App:
         tab = {name: tabs.add_tab(name) for name in names}
         with tab["Scene"]:
             self.scene = ScenePanel(self.view, self.meshes, self.ground, self.ruler)
+            self.paths = PathsPanel(self.view, self.path)
             self.detail = DetailPanel(self.view, self.octrees)
         if "Tune" in tab:
             assert workshop is not None

@@ -69,6 +69,8 @@ def export(app: App, path: Path) -> None:
     view = app.view
     serializer = view.server.viser.get_scene_serializer()
     times_s = view.reel.times_s
+    if app.path is not None:
+        app.path.wait()
     with FrameProgress(len(times_s)) as progress:
         for index, time_s in enumerate(times_s):
             view.show(view.settled(index))

@@ -16,6 +16,7 @@ from pseudolidar.formats.points.cloud_file import is_cloud_file
 from pseudolidar.formats.trajectory_file import (
     KITTI_VERTICAL,
     POSE_SUFFIXES,
+    PoseRecord,
     read_trajectory,
     trajectory_form,
 )
@@ -24,15 +25,18 @@ from pseudolidar.running.mapped.mesh_outputs import MESH_NAME
 from pseudolidar.sources.cloud_files import CloudFiles
 from pseudolidar.sources.recognise import Source, recognise
 from pseudolidar.sources.recording.recording import Recording
+from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.obstacle import Obstacle
 from pseudolidar.viewer.large import MOST_WHOLE, StillClouds
 from pseudolidar.viewer.meshes import is_mesh_file, read_still_mesh
 from pseudolidar.viewer.reel import Reel
-from pseudolidar.viewer.stills import Still, StillOctree, StillPath
+from pseudolidar.viewer.stills import TRUTH_COLOUR, Still, StillOctree, StillPath
 
 RUN_FILE = "run.json"
 # What `map` leaves, and the path in it: the map's own form of it, not the camera's.
 MAP_STEM, PATH_NAME = "map", "trajectory.tum"
+# What the path is called that the rig really took.
+TRUTH_NAME = "ground truth"
 # What `obstacles` leaves.
 OBJECTS_NAME = "obstacles.jsonl"
 # Folders of clouds that `convert` writes, the one that keeps most first.
@@ -73,11 +77,14 @@ class Opening:
     Args:
         reel_of: a source to its sequence.
         reel_of_run: folder of a run to the sequence that it looked at; None where that is gone.
+        truth_of_run: folder of a run and the path that it found to where the rig really was, (N, 3)
+            as that path is; None where nobody knows.
         clouds: reads clouds.
     """
 
     reel_of: Callable[[Source], Reel]
     reel_of_run: Callable[[Path], Reel | None] = lambda _folder: None
+    truth_of_run: Callable[[Path, PoseRecord], Float64 | None] = lambda _folder, _found: None
     clouds: StillClouds = field(default_factory=StillClouds)
     _reels: list[Reel] = field(default_factory=list)
     _stills: list[Still] = field(default_factory=list)
@@ -126,6 +133,15 @@ class Opening:
             )
         for part in found:
             self._open(str(part))
+        if (folder / PATH_NAME) in found:
+            self._add_truth(folder)
+
+    def _add_truth(self, folder: Path) -> None:
+        """Lay the true path beside the one that a run found."""
+        places = self.truth_of_run(folder, read_trajectory(folder / PATH_NAME))
+        if places is not None:
+            name = self._name(Path(TRUTH_NAME))
+            self._stills.append(StillPath(name, places, TRUTH_COLOUR))
 
     def _name(self, place: Path) -> str:
         """What a file is called here: no two alike."""

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
+
+import numpy as np
 
 from pseudolidar.errors import PseudolidarError
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.sighting import Seen
+from pseudolidar.sources.known_poses import pose_of
 from pseudolidar.sources.recognise import Source
 from pseudolidar.sources.source import FrameSequence
+from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.moment import Moment
 
@@ -84,6 +89,21 @@ class SourceReel:
         """When each was taken, since the first."""
         times_ns = self.source.timestamps_ns
         return [(time_ns - times_ns[0]) / NS_PER_S for time_ns in times_ns]
+
+    def poses(self) -> Float64 | None:
+        """(N, 4, 4) `T_map_base_link` of the frames, NaN where it is not known.
+
+        None where frames must be loaded to know.
+        """
+        pose_at = pose_of(self.source)
+        if pose_at is None:
+            return None
+        poses = np.full((len(self.ids), 4, 4), np.nan)
+        for index in range(len(poses)):
+            with contextlib.suppress(PseudolidarError):  # told when that frame is shown
+                pose = pose_at(index)
+                poses[index] = np.nan if pose is None else pose.matrix
+        return poses
 
     def load(self, index: int) -> Moment:
         """Match and reproject a pair; a frame that cannot be used says why."""

@@ -16,6 +16,7 @@ from pseudolidar.structures.box import BOX_EDGES, Box3D
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring, Scale
 from pseudolidar.viewer.moment import Moment, Sight
+from pseudolidar.viewer.objects.lines import coloured
 from pseudolidar.viewer.placement import Placement, moved
 from pseudolidar.viewer.stills import Still, StillCloud, StillMesh, StillOctree, StillPath, middle_m
 from pseudolidar.viewer.thinned import thinned
@@ -30,7 +31,6 @@ MOST_POINTS = 150_000
 # Width of the photo in a camera's frustum, px, and how far ahead of the camera it stands, m.
 PHOTO_PX, FRUSTUM_M = 320, 1.5
 CAMERA_COLOUR = (240, 160, 30)
-PATH_COLOUR = (80, 200, 120)
 # A cloud that is not moved aside.
 NOWHERE = (0.0, 0.0, 0.0)
 # The marked point, and the box that was measured.
@@ -83,6 +83,7 @@ class Stage:
         self.placement = Placement()
         self.looks: dict[str, Look] = {}
         self.every_still: list[Still] = []
+        self.paths: dict[str, Any] = {}  # lines of those that lie still, by name
         # (3,) in the frame of the clouds, of a thing that stays where it is; None for nothing.
         self.followed: Callable[[Moment], Float64 | None] = lambda _moment: None
         self.shown: dict[str, PointCloud] = {}
@@ -106,12 +107,9 @@ class Stage:
         places = (still.places_m - self.placement.origin_m).astype(np.float32)
         if len(places) > 1:
             segments = np.stack([places[:-1], places[1:]], axis=1)
-            self._scene.add_line_segments(
-                f"{MAP}/{still.name}",
-                segments,
-                PATH_COLOUR,
-                thickness=3.0,
-                thickness_units="screen",
+            colours = coloured([still.colour], len(segments))
+            self.paths[still.name] = self._scene.add_line_segments(
+                f"{MAP}/{still.name}", segments, colours, thickness=3.0, thickness_units="screen"
             )
 
     @property

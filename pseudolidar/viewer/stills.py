@@ -14,6 +14,7 @@ from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.mesh import Mesh
 from pseudolidar.viewer.octree.tree import Octree
 
+PATH_COLOUR, TRUTH_COLOUR = (80, 200, 120), (235, 95, 200)
 # Of a large cloud every browser draws the coarsest points, wherever it looks.
 SHARED_POINTS = 300_000
 # Where colours of a mesh are no photo light falls from here, and leaves this share to what faces
@@ -46,10 +47,12 @@ class StillPath:
     Args:
         name: of the file.
         places_m: (N, 3) float64.
+        colour: red, green, blue.
     """
 
     name: str
     places_m: Float64
+    colour: tuple[int, int, int] = PATH_COLOUR
 
     @property
     def amount(self) -> str:

@@ -28,8 +28,8 @@ from pseudolidar.viewer.filming.shot import Shot
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.octree.build import built
 from pseudolidar.viewer.opening import Opened
-from pseudolidar.viewer.stage import PATH_COLOUR, Look
-from pseudolidar.viewer.stills import StillCloud, StillOctree, StillPath
+from pseudolidar.viewer.stage import Look
+from pseudolidar.viewer.stills import PATH_COLOUR, StillCloud, StillOctree, StillPath
 
 FAR = np.array([4.5e5, 5.4e6, 100.0])
 SMALL = (160, 90)

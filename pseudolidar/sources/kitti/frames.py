@@ -121,6 +121,15 @@ class KittiFrames:
         """Times of the frames."""
         return tuple(files.timestamp_ns for files in self.frames)
 
+    def pose(self, index: int) -> Pose | None:
+        """`T_map_base_link` of frame `index`; None where nobody knows.
+
+        Raises:
+            PoseFileError: its packet is damaged.
+        """
+        pose, _ = self._moving(self.frames[index])
+        return pose
+
     def load(self, index: int) -> StereoFrame:
         """Read and decode frame `index`.
 

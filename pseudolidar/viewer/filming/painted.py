@@ -13,7 +13,7 @@ from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring, ways
 from pseudolidar.viewer.meshes import surface_colours
-from pseudolidar.viewer.stage import PATH_COLOUR, Look
+from pseudolidar.viewer.stage import Look
 from pseudolidar.viewer.stills import Still, StillCloud, StillMesh, StillOctree, StillPath
 from pseudolidar.viewer.thinned import thinned
 
@@ -66,7 +66,7 @@ class Painter:
         """A path as a row of points."""
         count = int(np.clip(path.length_m / STEP_M, 1, MOST_STEPS))
         places = evenly(path.places_m, count) - self._origin_m
-        rgb = np.full((len(places), 3), PATH_COLOUR, np.uint8)
+        rgb = np.full((len(places), 3), path.colour, np.uint8)
         return PointCloud(places.astype(np.float32), "film", rgb=rgb)
 
     def still(self, still: Still) -> PointCloud:
