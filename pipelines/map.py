@@ -24,7 +24,13 @@ from pseudolidar.running.apart import check_apart, paths_read
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
-from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
+from pseudolidar.running.field_markers import (
+    AFTERWARDS,
+    POSITIONAL,
+    RUN_ONLY,
+    THIS_TIME,
+    Recognised,
+)
 from pseudolidar.running.folder import check_usable
 from pseudolidar.running.mapped.build import FRAME_FOLDER, MapSettings, built
 from pseudolidar.running.mapped.checkpoints import Checkpoints
@@ -108,7 +114,8 @@ class Map:
             finer one. It is not closed; its holes are counted.
         mesh_to: formats of the mesh, a comma list of ply, glb, obj.
         occupancy: write what robots need too: occupancy.ply (voxels), grid.yaml and grid.pgm (flat
-            map for map_server and nav2), distances.npz (to the nearest obstacle).
+            map for map_server and nav2), distances.npz (to the nearest obstacle), the last two with
+            wider cells by --map.occupancy.cell-m 0.3.
         debug_video: make odometry.mp4 (H.264): the points that were followed with their ways, blue
             those that agree and orange the others, who was asked about the step, disparities.
         odometry: vision alone; `kiss`, KISS-ICP on the scans of a LiDAR alone; or `fused`, vision
@@ -134,8 +141,8 @@ class Map:
             scenes, or the rig of its board, else 3.
         swap: exchange left and right pictures.
         check: look at the first, the middle and the last pair before the run.
-        keep_work: keep the disparities in OUT/.work, so that the command given again, with other
-            outputs, need not match again.
+        keep_work: keep the disparities in OUT/.work, so that the command given again with other
+            outputs (--to, --mesh, --occupancy, --frame-clouds) need not match again.
         workers: frames matched at the same time; by default one per core.
         timeout: a frame that takes longer is skipped, s.
         on_error: skip a bad frame (and stop when they become many), or stop at the first.
@@ -149,12 +156,12 @@ class Map:
 
     source: Annotated[Source, Recognised(recognise)]
     out: Annotated[Path, POSITIONAL, RUN_ONLY] = Path("out")
-    to: MapOutputs = field(default_factory=MapOutputs)
+    to: Annotated[MapOutputs, AFTERWARDS] = field(default_factory=MapOutputs)
     mcap: McapContent = field(default_factory=McapContent)
-    frame_clouds: MapOutputs = field(default_factory=lambda: MapOutputs(()))
-    mesh: bool = False
-    mesh_to: MeshOutputs = field(default_factory=MeshOutputs)
-    occupancy: bool = False
+    frame_clouds: Annotated[MapOutputs, AFTERWARDS] = field(default_factory=lambda: MapOutputs(()))
+    mesh: Annotated[bool, AFTERWARDS] = False
+    mesh_to: Annotated[MeshOutputs, AFTERWARDS] = field(default_factory=MeshOutputs)
+    occupancy: Annotated[bool, AFTERWARDS] = False
     debug_video: bool = False
     odometry: Fused | Vision | Kiss = field(default_factory=Fused)
     loops: LoopFinder | None = field(default_factory=LoopFinder)
@@ -271,7 +278,7 @@ def run(job: Map) -> MapReport | Rehearsal:
     pace_s, errors = seconds / steps if steps else None, errors_of(walked.pieces)
     files, told = (*files, *made.files), run.result()
     report = MapReport(told, job.out, walked, errors, pace_s, files, made.figures)
-    return write_map_page(report, source, shown=made.shown, settings=chosen(job))
+    return write_map_page(report, source, made, settings=chosen(job))
 
 
 def rehearsed(job: Map, source: FrameSource, match_once: MatchOnce) -> Rehearsal:
@@ -337,8 +344,8 @@ def mapped(
         files = job.mesh_to.write(job.out, mesh)
         made = made.also(files, {"mesh": mesh_figures(mesh, builder.mesh.voxel_m)})
     if builder.occupancy is not None:
-        files, figures = write_occupancy(job.out, builder.occupancy)
-        made = made.also(files, {"occupancy": figures})
+        files, figures, grid = write_occupancy(job.out, builder.occupancy)
+        made = replace(made.also(files, {"occupancy": figures}), grid=grid)
     if kinds:
         made = made.also((job.out / FRAME_FOLDER,))
     if job.to.recording:

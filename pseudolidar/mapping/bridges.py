@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from pseudolidar.formats.timestamps import NS_PER_S
+from pseudolidar.geometry.pose_doubt import step_doubt
 from pseudolidar.geometry.twists import exp_twist, inverted, log_twist, rigid
-from pseudolidar.mapping.path import stacked, step_doubt
+from pseudolidar.mapping.path import stacked
 from pseudolidar.mapping.steadiness import Guessed, Steadiness
 from pseudolidar.structures.arrays import Float64, Int64
 from pseudolidar.structures.pose import Trajectory

@@ -26,8 +26,8 @@ class Columns:
         z_m: (N,) float32: where an occupied voxel was hit, the centre of a free one.
         odds: (N,) log odds: above `TAKEN` occupied, below 0 free, else maybe either.
         shape: rows and columns in all.
-        first: x, y of cell [0, 0] in voxels.
-        voxel_m: side of a voxel.
+        first: x, y of cell [0, 0] in cells.
+        cell_m: side of a cell.
     """
 
     cell: Int64
@@ -35,21 +35,33 @@ class Columns:
     odds: AnyArray
     shape: tuple[int, int]
     first: tuple[int, int]
-    voxel_m: float
+    cell_m: float
 
     @classmethod
-    def of(cls, corners: Int64, odds: Float32, height: Float32, voxel_m: float) -> Columns:
-        """From blocks (B, 3) and their voxels (B, 16, 16, 16), axes x, y, z."""
+    def of(
+        cls,
+        corners: Int64,
+        odds: Float32,
+        height: Float32,
+        voxel_m: float,
+        *,
+        voxels_a_cell: int = 1,
+    ) -> Columns:
+        """From blocks (B, 3) and their voxels (B, 16, 16, 16), axes x, y, z.
+
+        A column is as wide as a cell; where that is several voxels, each of them says its own.
+        """
         side = odds.shape[1]
         block, i, j, k = np.nonzero(odds)
-        x, y = corners[block, 0] * side + i, corners[block, 1] * side + j
+        x, y = (corners[block, axis] * side + at for axis, at in ((0, i), (1, j)))
+        x, y = x // voxels_a_cell, y // voxels_a_cell
         chance = odds[block, i, j, k]
         centre = (corners[block, 2] * side + k + 0.5) * voxel_m
         z_m = np.where(chance > 0, height[block, i, j, k], centre).astype(np.float32)
         first = (int(x.min(initial=0)), int(y.min(initial=0))) if len(x) else (0, 0)
         shape = (int(y.max()) - first[1] + 1, int(x.max()) - first[0] + 1) if len(x) else (1, 1)
         cell = np.stack([y - first[1], x - first[0]], axis=1)
-        return cls(cell, z_m, chance, shape, first, voxel_m)
+        return cls(cell, z_m, chance, shape, first, voxel_m * voxels_a_cell)
 
 
 @dataclass(frozen=True)
@@ -82,8 +94,8 @@ class FlatMap:
             (OCCUPIED, in_band & taken),
         ):
             cells[rows[which], cols[which]] = value
-        origin = tuple(v * columns.voxel_m for v in columns.first)
-        return OccupancyGrid(cells, columns.voxel_m, (origin[0], origin[1]), frame)
+        origin = tuple(v * columns.cell_m for v in columns.first)
+        return OccupancyGrid(cells, columns.cell_m, (origin[0], origin[1]), frame)
 
 
 def ground_height(columns: Columns) -> Float64:
@@ -96,11 +108,11 @@ def ground_height(columns: Columns) -> Float64:
     lowest[~np.isfinite(lowest)] = np.nan
     if np.isnan(lowest).all():
         return np.zeros(columns.shape)
-    squares = _squares(lowest, max(round(SQUARE_M / columns.voxel_m), 1))
+    squares = _squares(lowest, max(round(SQUARE_M / columns.cell_m), 1))
     missing = np.isnan(squares)
     nearest = ndimage.distance_transform_edt(missing, return_distances=False, return_indices=True)
     squares = ndimage.median_filter(squares[tuple(nearest)], size=3, mode="nearest")
-    side = max(round(SQUARE_M / columns.voxel_m), 1)
+    side = max(round(SQUARE_M / columns.cell_m), 1)
     rows, cols = (((np.arange(n) + 0.5) / side - 0.5) for n in columns.shape)
     at = np.meshgrid(rows, cols, indexing="ij")
     return np.asarray(ndimage.map_coordinates(squares, at, order=1, mode="nearest"))

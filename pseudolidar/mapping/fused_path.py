@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pseudolidar.geometry.pose_doubt import step_doubt
 from pseudolidar.geometry.twists import carried, exp_twist, inverted, log_twist, rigid
 from pseudolidar.mapping.disparity_offset import Offset
-from pseudolidar.mapping.path import Doubt, stacked, step_doubt
+from pseudolidar.mapping.path import Doubt, stacked
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.pose import Trajectory
 

@@ -83,8 +83,10 @@ class OccupancyMap:
     def flat(self) -> OccupancyGrid:
         """Free, occupied and unknown cells, by what stands between `above_m` and `below_m`."""
         corners, odds, height = self._stored()
-        columns = Columns.of(corners, odds, height, self.settings.voxel_m)
         settings = self.settings
+        columns = Columns.of(
+            corners, odds, height, settings.voxel_m, voxels_a_cell=settings.voxels_a_cell
+        )
         return FlatMap(settings.above_m, settings.below_m).grid(columns, self.frame)
 
     def _window(self, points: Float64, origin_m: Float64) -> tuple[Int64, AnyArray]:

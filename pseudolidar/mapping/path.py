@@ -131,22 +131,6 @@ class Path:
         return stacked([time_ns for time_ns, _, _ in self._frames], poses, covariances)
 
 
-def step_doubt(before: Float64, now: Float64, T_from_to: Float64) -> Float64:
-    """(6, 6) what a step (4, 4) added to the doubt of poses, from one (6, 6) to another.
-
-    What they share may cancel: then nothing is left, and no negative variance.
-    """
-    back = adjoint(inverted(T_from_to))
-    added = now - back @ before @ back.T
-    values, vectors = np.linalg.eigh(0.5 * (added + added.T))
-    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
-
-
-def unsure_m(covariance: Float64) -> float:
-    """How far a pose of this doubt (6, 6) may be off in its worst direction, one sigma, m."""
-    return float(np.sqrt(max(0.0, np.linalg.eigvalsh(covariance[:3, :3])[-1])))
-
-
 def stacked(
     timestamps_ns: Sequence[int],
     poses: Sequence[Float64],

@@ -20,8 +20,8 @@ import numpy as np
 
 from pseudolidar.errors import PoseMissing
 from pseudolidar.geometry.open3d_library import load_open3d
+from pseudolidar.geometry.pose_doubt import step_doubt
 from pseudolidar.geometry.twists import adjoint, exp_twist, inverted, log_twist
-from pseudolidar.mapping.path import step_doubt
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.loop import ClosedPath, LoopClosure, LoopEnd
 from pseudolidar.structures.pose import Trajectory

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pseudolidar.geometry.pose_doubt import unsure_m
 from pseudolidar.mapping.alignment import Alignment, Prior, align
 from pseudolidar.mapping.kiss_library import load_kiss, thinned
 from pseudolidar.mapping.patches import Patches
-from pseudolidar.mapping.path import unsure_m
 from pseudolidar.mapping.scan_map import ready
 from pseudolidar.mapping.surface_map import SurfaceMap, Surfaces
 from pseudolidar.structures.arrays import Float64

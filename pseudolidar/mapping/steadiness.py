@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pseudolidar.geometry.pose_doubt import unsure_m
 from pseudolidar.geometry.twists import adjoint, carried, exp_twist, inverted
-from pseudolidar.mapping.path import unsure_m
 from pseudolidar.structures.arrays import Float64
 
 # What a sensor is thought to do before it was watched, one standard deviation of its acceleration,

@@ -11,12 +11,13 @@ from pseudolidar.errors import SequenceTime, StructureError, UsageError
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.frames import ODOM
 from pseudolidar.geometry.pnp import RelativePose
+from pseudolidar.geometry.pose_doubt import unsure_m
 from pseudolidar.geometry.tracking import MatchedPair
 from pseudolidar.geometry.twists import adjoint, carried, gone_on, inverted, log_twist
 from pseudolidar.mapping.disparity_offset import Offset, OffsetEstimate, by_offset, unscaled
 from pseudolidar.mapping.keyframe import Keyframe, Sight, movable_pixels
 from pseudolidar.mapping.keyframes import Keyframes
-from pseudolidar.mapping.path import Hung, unsure_m
+from pseudolidar.mapping.path import Hung
 from pseudolidar.mapping.registration import covariance, inliers, registered
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.box import Detection
@@ -117,6 +118,14 @@ class VisualChain:
             StructureError: the disparities or a mask have another size than the frame.
             SequenceTime: the frame is not later than the one before.
         """
+        state = self._placed(frame, disparity, movable)
+        if self._estimate is None:
+            return state
+        return replace(state, offset_px=(self.offset.offset_px, self.offset.sigma_px))
+
+    def _placed(
+        self, frame: StereoFrame, disparity: DisparityMap, movable: Sequence[Detection]
+    ) -> OdometryState:
         sight = self._sight(frame, disparity, movable)
         self._check_time(frame)
         self._registered += 1

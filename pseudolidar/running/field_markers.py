@@ -13,9 +13,11 @@ class Marker(enum.Enum):
 
     POSITIONAL = "given by its place among the arguments, not by a flag"
     THIS_TIME = "asked for this one run; not repeated by --settings run.json"
+    AFTERWARDS = "what is made of the frames once all are done; may be other things the next time"
     RUN_ONLY = "changes how a run goes, never a byte of its results; not part of the settings hash"
 
 
+AFTERWARDS: Final = Marker.AFTERWARDS
 POSITIONAL: Final = Marker.POSITIONAL
 RUN_ONLY: Final = Marker.RUN_ONLY
 THIS_TIME: Final = Marker.THIS_TIME

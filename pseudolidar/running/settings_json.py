@@ -87,7 +87,7 @@ def tuned_file(settings: Mapping[str, Any], about: Mapping[str, Any]) -> bytes:
 
 
 def result_settings(settings: Any) -> dict[str, Any]:
-    """What can change a byte of the results: `to_json` without `RUN_ONLY` fields, at any depth."""
+    """What can change a byte of the results: `to_json` without run-only fields, at any depth."""
     data = to_json(settings)
     for field in settings_fields(type(settings)):
         value = getattr(settings, field.name)

@@ -51,8 +51,8 @@ class SettingsField:
 
     @property
     def run_only(self) -> bool:
-        """Whether the field leaves the results as they are."""
-        return Marker.RUN_ONLY in self.marks
+        """Whether the field leaves what is known of each frame as it is."""
+        return bool({Marker.RUN_ONLY, Marker.AFTERWARDS}.intersection(self.marks))
 
     @property
     def this_time(self) -> bool:

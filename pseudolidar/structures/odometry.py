@@ -87,6 +87,8 @@ class OdometryState:
         keyframe_gap: how many frames before this one that keyframe was; 0 where there was no step.
         keyframe: whether the frames after this one are compared with it.
         why: what was missing, where nothing was measured, or by scans alone.
+        offset_px: by how much the disparities of the rig are too large, and one standard deviation
+            of that, as known with this frame; None where it is not looked for.
         ended: of the frame with which a piece of path is given up: it ends at the last frame that
             was measured.
     """
@@ -101,6 +103,7 @@ class OdometryState:
     keyframe_gap: int = 0
     keyframe: bool = False
     why: str = ""
+    offset_px: tuple[float, float] | None = None
     ended: OdometryLost | None = None
 
     def __post_init__(self) -> None:

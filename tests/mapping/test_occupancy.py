@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pseudolidar.errors import MemoryLimit
+from pseudolidar.errors import MemoryLimit, UsageError
 from pseudolidar.mapping.occupancy import Occupancy
 from pseudolidar.mapping.occupancy_map import OccupancyMap
 from pseudolidar.structures.cloud import PointCloud
@@ -81,6 +81,31 @@ def test_obstacles_are_counted_from_the_ground_beneath_them():
     assert cell(occupancy, 5.05, 0.0) == OCCUPIED
     assert cell(occupancy, 5.05, 1.7) == FREE
     assert cell(occupancy, 6.55, 1.7) == FREE
+
+
+def test_cells_may_be_wider_than_voxels():
+    """As a robot wants them: an obstacle anywhere in a cell takes it, the rest is as it was."""
+    ground = floor()
+    views = [np.concatenate([ground[ground[:, 0] < 5], wall(5.03)])] * 2
+    fine, wide = seen(*views), seen(*views, cell_m=0.4)
+    assert wide.flat().resolution_m == pytest.approx(0.4)
+    assert np.allclose(np.mod(wide.flat().origin_m, 0.4), [0.0, 0.0])
+    assert wide.occupied().xyz.tolist() == fine.occupied().xyz.tolist()
+    assert cell(wide, 5.05, 0.0) == OCCUPIED
+    assert cell(wide, 3.05, 0.0) == FREE
+    # A cell is taken where a voxel's width of it is, and nowhere else.
+    taken = []
+    for grid in (fine.flat(), wide.flat()):
+        rows, columns = np.nonzero(grid.cells == OCCUPIED)
+        xy = (np.stack([columns, rows], axis=1) + 0.5) * grid.resolution_m + grid.origin_m
+        taken.append({tuple(at) for at in np.floor(xy / 0.4).astype(int).tolist()})
+    assert taken[0] == taken[1]
+
+
+@pytest.mark.parametrize("cell_m", [0.05, 0.25, 0.0, -0.1, np.nan, np.inf])
+def test_cells_that_are_no_whole_voxels_are_refused(cell_m):
+    with pytest.raises(UsageError, match=r"Take 0\.1, 0\.2"):
+        Occupancy(cell_m=cell_m)
 
 
 def test_memory_is_refused_beyond_the_cap_and_follows_what_was_seen():

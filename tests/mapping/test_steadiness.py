@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from pseudolidar.errors import StructureError
+from pseudolidar.geometry.pose_doubt import unsure_m
 from pseudolidar.geometry.twists import carried, exp_twist, inverted, log_twist
 from pseudolidar.mapping.bridges import bridged
 from pseudolidar.mapping.extrapolating import FARTHEST_M, ExtrapolatingChain
-from pseudolidar.mapping.path import stacked, unsure_m
+from pseudolidar.mapping.path import stacked
 from pseudolidar.mapping.steadiness import MOST_GUESSED_M, Steadiness
 from pseudolidar.structures.pose import Trajectory
 from tests.mapping.told_chain import STEP_DOUBT, UNKNOWN, ToldChain, frames_for, going

@@ -54,6 +54,16 @@ def test_a_street_is_driven(street, driven):
     assert path.timestamps_ns.tolist() == [frame.timestamp_ns for frame in street.frames]
 
 
+def test_the_offset_is_told_frame_by_frame_as_it_is_learned(street, driven):
+    states, odometry = driven
+    told = [state.offset_px for state in states]
+    assert told[0] == (0.0, 1.0)
+    assert told[-1] == (odometry.offset.offset_px, odometry.offset.sigma_px)
+    assert told[-1][1] < 0.5
+    known = VisualOdometry(offset=False).start(street.rig)
+    assert known.register(street.frames[0], street.frames[0].truth).offset_px is None
+
+
 def test_the_same_poses_each_time(street, driven):
     odometry = VisualOdometry().start(street.rig)
     again = [odometry.register(frame, frame.truth) for frame in street.frames[:4]]

@@ -18,6 +18,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from scipy.spatial import cKDTree
 
 from pseudolidar.cli import main
+from pseudolidar.formats.map_server import read_map_server
 from pseudolidar.formats.meshes.mesh_file import read_mesh
 from pseudolidar.formats.points.npz import read_npz
 from pseudolidar.formats.points.ply import read_ply
@@ -86,9 +87,10 @@ def test_points_of_the_map_have_what_is_known_of_them(mapped: Path):
 
 def test_the_page_shows_the_path_and_the_map(mapped: Path):
     page = (mapped / "report.html").read_text()
-    for heading in ("The map", "The path", "Drift", "How it was found"):
+    doubts = ("Is it as sure as it says?", "What the motion told of the rig")
+    for heading in ("The map", "Where a robot can go", "The path", "Drift", *doubts):
         assert f"<h2>{heading}</h2>" in page
-    assert page.count("<img") >= 6
+    assert page.count("<img") >= 9
 
 
 def test_the_recording_has_the_way_and_what_came_into_view(mapped: Path):
@@ -177,6 +179,27 @@ def test_the_path_alone(tmp_path: Path):
     assert not list(tmp_path.glob("map.*"))
     assert not (tmp_path / ".work").exists()
     assert len(read_tum_trajectory(tmp_path / "trajectory.tum")[0]) == 3
+
+
+def test_other_outputs_of_what_was_matched(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    some = ("--odometry", "vision", "--frames", "0:3", "--keep-work")
+    some += ("--map.points.sigma", "0.3", "--map.points.frames", "2")
+    assert run_map(tmp_path, *some) == 0
+    stored = {file: file.stat().st_mtime_ns for file in tmp_path.glob(".work/*.disparity")}
+    path = (tmp_path / "trajectory.tum").read_bytes()
+    robots = ("--to", "none", "--occupancy", "--map.occupancy.cell-m", "0.4")
+    assert run_map(tmp_path, *some, *robots) == 0
+    assert len(stored) == 3
+    assert {file: file.stat().st_mtime_ns for file in stored} == stored
+    assert (tmp_path / "trajectory.tum").read_bytes() == path
+    assert read_map_server(tmp_path / "grid.yaml").resolution_m == pytest.approx(0.4)
+    with np.load(tmp_path / "distances.npz") as distances:
+        assert distances["resolution_m"] == pytest.approx(0.4)
+    capsys.readouterr()
+    assert run_map(tmp_path, *some, "--map.tiles.voxel", "0.1") == 2
+    assert "voxel" in capsys.readouterr().err
+    assert run_map(tmp_path, "--map.occupancy.cell-m", "0.25") == 2
+    assert "whole number of voxels" in capsys.readouterr().err
 
 
 def test_formats_that_are_none_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from pseudolidar.mapping.occupancy import Occupancy
 from pseudolidar.mapping.tiles import MapTiles, TileStore
 from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.field_markers import AFTERWARDS
 from pseudolidar.running.mapped.stored import WORK_FOLDER, read_stored
 from pseudolidar.running.mapped.walked import Piece
 from pseudolidar.running.one_cloud import write_cloud
@@ -56,8 +58,8 @@ class MapSettings:
     fusion: TemporalFusion = field(default_factory=TemporalFusion)
     points: MapPoints = field(default_factory=MapPoints)
     tiles: MapTiles = field(default_factory=MapTiles)
-    mesh: TsdfMesh = field(default_factory=TsdfMesh)
-    occupancy: Occupancy = field(default_factory=Occupancy)
+    mesh: Annotated[TsdfMesh, AFTERWARDS] = field(default_factory=TsdfMesh)
+    occupancy: Annotated[Occupancy, AFTERWARDS] = field(default_factory=Occupancy)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pseudolidar.formats.atomic import write_atomic
-from pseudolidar.mapping.path import unsure_m
+from pseudolidar.geometry.pose_doubt import unsure_m
 from pseudolidar.running.journal.record import FrameRecord
 from pseudolidar.running.mapped.walked import Piece, Placed, Walked
 

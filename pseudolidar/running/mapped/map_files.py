@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from pseudolidar.mapping.tiles import Tile
 from pseudolidar.running.one_cloud import write_cloud
 from pseudolidar.structures.arrays import Int64
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.structures.occupancy_grid import OccupancyGrid
 
 TILE_FOLDER, WHOLE_NAME = "tiles", "map"
 # Pictures and the recording show so many points at most, evenly chosen of a larger map.
@@ -29,15 +30,18 @@ class Made:
         files: what there is to open.
         figures: of the map.
         shown: points of the map, all or evenly chosen; None of a map without any.
+        grid: flat map for robots; None where none was made.
     """
 
     files: tuple[Path, ...] = ()
     figures: Mapping[str, Any] = field(default_factory=dict)
     shown: PointCloud | None = None
+    grid: OccupancyGrid | None = None
 
     def also(self, files: tuple[Path, ...], figures: Mapping[str, Any] | None = None) -> Made:
         """With more files, and more figures."""
-        return Made((*self.files, *files), {**self.figures, **(figures or {})}, self.shown)
+        more = {**self.figures, **(figures or {})}
+        return replace(self, files=(*self.files, *files), figures=more)
 
 
 class Shown:

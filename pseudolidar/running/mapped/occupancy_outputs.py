@@ -11,7 +11,7 @@ import numpy as np
 from pseudolidar.formats.distance_field import write_distance_field
 from pseudolidar.formats.map_server import write_map_server
 from pseudolidar.running.one_cloud import write_cloud
-from pseudolidar.structures.occupancy_grid import FREE, OCCUPIED
+from pseudolidar.structures.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 
 if TYPE_CHECKING:
     from pseudolidar.mapping.occupancy_map import OccupancyMap
@@ -22,18 +22,18 @@ OCCUPANCY_FILES = (VOXELS, GRID, PICTURE, DISTANCES)
 
 def write_occupancy(
     folder: Path, occupancy: OccupancyMap
-) -> tuple[tuple[Path, ...], Mapping[str, Any]]:
+) -> tuple[tuple[Path, ...], Mapping[str, Any], OccupancyGrid | None]:
     """Write them; nothing where nothing was seen.
 
     Returns:
-        The files, and figures of the flat map.
+        The files, figures of the flat map, and itself.
 
     Raises:
         OutputError: the disk is full or gone.
     """
     voxels = occupancy.occupied()
     if not len(voxels):
-        return (), {"voxels": 0}
+        return (), {"voxels": 0}, None
     grid = occupancy.flat()
     write_cloud(folder / VOXELS, voxels)
     write_map_server(folder / GRID, grid)
@@ -45,4 +45,4 @@ def write_occupancy(
         "occupied": int(np.count_nonzero(grid.cells == OCCUPIED)),
         "resolution_m": grid.resolution_m,
     }
-    return tuple(folder / name for name in OCCUPANCY_FILES), figures
+    return tuple(folder / name for name in OCCUPANCY_FILES), figures, grid

@@ -36,6 +36,8 @@ class Placed:
         movable: things in its left image that may move by themselves, as boxes.
         ended: of the frame with which a piece of path was given up.
         sensors: by which its pose was measured.
+        offset_px: by how much disparities are too large, and how sure that was, as known by then;
+            None where it is not looked for.
     """
 
     id: str
@@ -51,6 +53,7 @@ class Placed:
     movable: tuple[Detection, ...] = ()
     ended: OdometryLost | None = None
     sensors: Sensors = "none"
+    offset_px: tuple[float, float] | None = None
 
     @classmethod
     def of(
@@ -76,6 +79,7 @@ class Placed:
             movable=tuple(replace(one, mask=None) for one in movable),
             ended=state.ended,
             sensors=registered.sensors,
+            offset_px=state.offset_px,
         )
 
     @property
@@ -161,6 +165,11 @@ class Piece:
     def measured(self) -> Bool:
         """(N,) which of the frames are not extrapolated."""
         return np.array([one.measured for one in self.frames], np.bool_)
+
+    @property
+    def joined(self) -> bool:
+        """Whether loops made it of several."""
+        return len({one.piece for one in self.frames}) > 1
 
     @property
     def times_ns(self) -> Int64:

@@ -8,22 +8,24 @@ from dataclasses import replace
 from pseudolidar.evaluation.page import KeyFigure, Picture, PictureRow, Section, render_page
 from pseudolidar.evaluation.trajectory.plots import drift_plot
 from pseudolidar.formats.atomic import write_atomic
+from pseudolidar.running.mapped.map_files import Made
 from pseudolidar.running.reports.conversion_page import REPORT_NAME, rig_rows
 from pseudolidar.running.reports.loop_sections import loop_sections
+from pseudolidar.running.reports.map_doubts import doubt_sections, offset_sections
+from pseudolidar.running.reports.map_grid import grid_sections
 from pseudolidar.running.reports.map_pictures import map_sections
 from pseudolidar.running.reports.map_plots import path_plots, tracks_plot
 from pseudolidar.running.reports.map_report import MapReport
 from pseudolidar.running.reports.numbers import percent
 from pseudolidar.running.reports.run_sections import notes_section, skips_section
 from pseudolidar.sources.source import FrameSource
-from pseudolidar.structures.cloud import PointCloud
 
 
 def write_map_page(
     report: MapReport,
     source: FrameSource,
+    made: Made,
     *,
-    shown: PointCloud | None,
     settings: Mapping[str, str],
 ) -> MapReport:
     """Write the page.
@@ -31,7 +33,7 @@ def write_map_page(
     Args:
         report: what was made.
         source: the frames.
-        shown: points of the map; None where there is none.
+        made: along the path: map and flat map, where there are some.
         settings: what was chosen, by name, for the reader.
 
     Returns:
@@ -43,11 +45,14 @@ def write_map_page(
     """
     result, rig = report.result, source.rig
     sections = [
-        *map_sections(shown, report.pieces, rig),
+        *map_sections(made.shown, report.pieces, rig),
+        *grid_sections(made.grid, report.pieces, rig),
         *loop_sections(report.walked, source),
         Section("The path", pictures=path_plots(report)),
         *_drift(report),
+        *doubt_sections(report),
         Section("How it was found", pictures=[PictureRow((tracks_plot(report.placed),))]),
+        *offset_sections(report.placed),
         *_odd(report),
         *skips_section(result),
         *notes_section(result),

@@ -42,8 +42,8 @@ def path_plots(report: MapReport) -> list[PictureRow]:
     above, along = above_plot(errors, None), along_plot(errors)
     across, ahead, _ = plane_of(errors.reference, None)
     guessed, errors_m = _laid_beside(errors, report.pieces[0])
-    _guessed(above.axes[0], guessed[:, (across, ahead), 3])
-    _guessed(along.axes[0], errors_m)
+    mark_guessed(above.axes[0], guessed[:, (across, ahead), 3])
+    mark_guessed(along.axes[0], errors_m)
     told = "from above, beside the source's own poses; colours tell the position error"
     alt = "The path from above beside the reference."
     pictures = (
@@ -76,7 +76,7 @@ def _alone(pieces: Sequence[Piece]) -> Figure:
         drawn = places[thinned(len(places))]
         axes.plot(*drawn.T, linewidth=1.6, label=f"piece {number + 1}")
         axes.plot(*places[0], "o", color="black", markersize=5)
-        _guessed(axes, places[~piece.measured])
+        mark_guessed(axes, places[~piece.measured])
     axes.set(xlabel="right, m", ylabel="ahead, m", title="From above")
     axes.set_aspect("equal", adjustable="datalim")
     if len(axes.get_legend_handles_labels()[1]) > 1:
@@ -92,7 +92,7 @@ def tracks_plot(placed: Sequence[Placed]) -> Picture:
     inliers = [one.inliers for one in placed]
     axes.plot(numbers, inliers, color=GREEN, linewidth=1.2, label="that agree")
     guessed = numbers[np.array([one.extrapolated for one in placed], np.bool_)]
-    _guessed(axes, np.stack([guessed, np.zeros(len(guessed))], axis=1))
+    mark_guessed(axes, np.stack([guessed, np.zeros(len(guessed))], axis=1))
     for marked, marker, colour, name in (
         ([one.lost for one in placed], "x", VERMILLION, "lost"),
         ([one.wrong for one in placed], "v", VERMILLION, "wrong step, caught"),
@@ -107,7 +107,7 @@ def tracks_plot(placed: Sequence[Placed]) -> Picture:
     return Picture.plot(figure, "points followed from keyframes, and those that agree")
 
 
-def _guessed(axes: Axes, places: Float64) -> None:
+def mark_guessed(axes: Axes, places: Float64) -> None:
     """Mark places (N, 2) of poses that nothing was measured of, once in the legend."""
     if not len(places):
         return

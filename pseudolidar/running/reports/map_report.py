@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pseudolidar.errors import ALL_DONE, SOME_SKIPPED
+from pseudolidar.evaluation.trajectory.consistency import Consistency, consistency_of
 from pseudolidar.evaluation.trajectory.judge import TrajectoryErrors, judge_trajectory
 from pseudolidar.evaluation.trajectory.pairing import FEWEST_PAIRS, PairedPoses
 from pseudolidar.running.mapped.walked import Piece, Placed, Walked
@@ -74,6 +76,17 @@ class MapReport:
         """Frames of which nothing was measured, between others that were."""
         return [one for one in self.placed if one.extrapolated]
 
+    @functools.cached_property
+    def consistency(self) -> Consistency | None:
+        """Whether the longest piece is as sure as it says; None where its truth is not known.
+
+        Pieces that loops joined each begin without doubt, so they are none to be asked.
+        """
+        longest = self.pieces[0] if self.pieces else None
+        if longest is None or longest.truth is None or longest.joined:
+            return None
+        return consistency_of(longest.T_odom_camera, longest.covariance, longest.truth)
+
     @property
     def corrected(self) -> list[Placed]:
         """Frames whose step of vision was found to be wrong."""
@@ -107,6 +120,7 @@ class MapReport:
             frames = {"frames": told["frames"], "frames_judged": len(self.errors.pairs)}
             told |= self.errors.summary() | frames
         return told | {
+            "nees": None if self.consistency is None else self.consistency.medians,
             "pieces": len(self.pieces),
             "loops": [loop_dict(loop) for loop in self.walked.loops],
             "loops_dropped": [loop_dict(loop) for loop in self.walked.dropped],
