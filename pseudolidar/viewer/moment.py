@@ -43,6 +43,10 @@ class Sight:
     camera: Camera
     T_forward_camera: Float64
 
+    def forward(self, xyz_m: Float64) -> Float64:
+        """(3,) where a point (3,) m of the camera is in the frame of the clouds."""
+        return np.asarray((self.T_forward_camera @ np.append(xyz_m, 1.0))[:3])
+
 
 @dataclass(frozen=True, eq=False)
 class Moment:

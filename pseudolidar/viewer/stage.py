@@ -12,7 +12,6 @@ from pseudolidar.geometry.grey import rgb_of
 from pseudolidar.geometry.quaternion import quaternion_wxyz
 from pseudolidar.running.reports.samples import photo_of
 from pseudolidar.structures.arrays import AnyArray, Float32, Float64, UInt8
-from pseudolidar.structures.box import BOX_EDGES, Box3D
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring, Scale
 from pseudolidar.viewer.moment import Moment, Sight
@@ -33,8 +32,6 @@ PHOTO_PX, FRUSTUM_M = 320, 1.5
 CAMERA_COLOUR = (240, 160, 30)
 # A cloud that is not moved aside.
 NOWHERE = (0.0, 0.0, 0.0)
-# The marked point, and the box that was measured.
-MARK_M, MARK_COLOUR, BOX_COLOUR = 0.12, (255, 80, 80), (255, 212, 59)
 
 
 @dataclass(frozen=True)
@@ -77,8 +74,6 @@ class Stage:
         self._coarse: set[str] = set()
         self._drawn_as: dict[str, Look] = {}
         self._camera: Any = None
-        self._mark: Any = None
-        self._box: Any = None
         self._sight: Sight | None = None
         self.placement = Placement()
         self.looks: dict[str, Look] = {}
@@ -154,8 +149,6 @@ class Stage:
     def show(self, moment: Moment) -> None:
         """Draw a frame in the place of the one before."""
         self._sight = moment.sight
-        self.mark(None)
-        self.show_box(None)
         with self._server.atomic():
             self._place(moment)
             self.shown = {name: self._draw_cloud(name, one) for name, one in moment.clouds.items()}
@@ -166,20 +159,10 @@ class Stage:
                     self._put_cloud(name)
             self._draw_camera(moment)
 
-    def mark(self, place_m: Float64 | None) -> None:
-        """Mark a place in the scene, or none."""
-        if self._mark is None:
-            self._mark = self._scene.add_icosphere(
-                "/mark", radius=MARK_M, color=MARK_COLOUR, visible=False
-            )
-        self._mark.visible = place_m is not None
-        if place_m is not None:
-            self._mark.position = place_m
-
     def of_camera(self, xyz_m: Float64) -> Float64 | None:
         """(3,) where a point of the left camera's frame is in the scene; None without a camera."""
-        place = self._from_camera(xyz_m)
-        return None if place is None else self.placement.of_rig(place)
+        sight = self._sight
+        return None if sight is None else self.placement.of_rig(sight.forward(xyz_m))
 
     def pickable(self) -> Mapping[str, tuple[PointCloud, Float64]]:
         """Clouds that are drawn, by name, each with the (4, 4) pose of its frame in the scene."""
@@ -221,30 +204,6 @@ class Stage:
 
     def _is_visible(self, name: str) -> bool:
         return self.look(name).visible and name not in self._hidden
-
-    def show_box(self, box: Box3D | None) -> None:
-        """Draw a box of the left camera's frame, or none."""
-        if self._box is not None:
-            self._box.visible = box is not None
-        edges = None if box is None else self._edges(box)
-        if edges is None:
-            return
-        if self._box is None:
-            self._box = self._scene.add_line_segments(
-                f"{RIG}/measured", edges, BOX_COLOUR, thickness=2.0, thickness_units="screen"
-            )
-        self._box.points = edges
-
-    def _edges(self, box: Box3D) -> Float32 | None:
-        placed = [self._from_camera(corner) for corner in box.corners_m()]
-        if any(corner is None for corner in placed):
-            return None
-        return np.asarray([[placed[a], placed[b]] for a, b in BOX_EDGES], np.float32)
-
-    def _from_camera(self, xyz_m: Float64) -> Float64 | None:
-        if self._sight is None:
-            return None
-        return np.asarray((self._sight.T_forward_camera @ np.append(xyz_m, 1.0))[:3])
 
     def show_axes(self, *, shown: bool) -> None:
         """Draw the axes of the rig, or not."""

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from pseudolidar.viewer.drawn_marks import DrawnMarks
 from pseudolidar.viewer.judged import judged
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.ready import AHEAD, Ready
@@ -45,9 +46,9 @@ class Trial:
 class View:
     """A sequence on a server.
 
-    Panels read `moment`, change `timeline`, `stage` and `reel`, and call `redraw`. What they hand
-    to `on_shown` is called with every frame that was drawn, by the one thread that draws; while it
-    plays, what they hand to `wait_for` says whether the following frame may be shown.
+    Panels read `moment`, change `timeline`, `stage`, `marks` and `reel`, and call `redraw`. What
+    they hand to `on_shown` is called with every frame that was drawn, by the one thread that draws;
+    while it plays, what they hand to `wait_for` says whether the following frame may be shown.
 
     Args:
         server: with its guard.
@@ -58,6 +59,7 @@ class View:
     def __init__(self, server: GuardedServer, reel: Reel, *, workers: int = 2) -> None:
         self.server, self.reel = server, reel
         self.stage = Stage(server.viser)
+        self.marks = DrawnMarks(server.viser)
         self.timeline = Timeline(reel.times_s)
         self.ready = Ready(self.made, workers=workers)
         # What is added to every frame as it is made, by what it is for.
@@ -250,6 +252,7 @@ class View:
         """Draw a frame now; called by one thread alone."""
         begun_s = time.thread_time()
         self.moment = moment
+        self.marks.begin(moment.sight)
         self.stage.show(moment)
         self.version += 1
         for listener in self._listeners:

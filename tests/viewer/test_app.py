@@ -219,7 +219,7 @@ def test_a_click_tells_the_point_and_two_their_distance(app: App, opened_page: P
         place = T[:3, :3] @ cloud.xyz[index] + T[:3, 3]
         app.points.click(eye, place - eye)
     opened_page.get_by_text("apart").wait_for(timeout=60_000)
-    assert stage._mark.visible
+    assert app.view.marks._place.visible
 
 
 def test_a_box_of_points_tells_how_flat_they_are(app: App, opened_page: Page):

@@ -103,9 +103,8 @@ class Watched:
     def __init__(self) -> None:
         self.drawn = list[Any]()
         self.moment = replace(moment(), converted=SimpleNamespace(frame=None))  # type: ignore[arg-type]
-        self.stage = SimpleNamespace(
-            show_box=self.drawn.append, mark=self.drawn.append, of_camera=lambda place: place
-        )
+        self.stage = SimpleNamespace(of_camera=lambda place: place)
+        self.marks = SimpleNamespace(show_box=self.drawn.append, show_place=self.drawn.append)
 
     def go_on(self) -> None:
         self.moment = replace(self.moment)

@@ -129,7 +129,9 @@ class PicturePanel:
         if "mark" in query:
             known = np.isfinite(pixel.depth_m)
             if self._view.moment is moment:
-                self._view.stage.mark(self._view.stage.of_camera(pixel.xyz_m) if known else None)
+                self._view.marks.show_place(
+                    self._view.stage.of_camera(pixel.xyz_m) if known else None
+                )
             for picker in self._pickers:
                 picker(*place)
         return _json({"text": pixel.text})
@@ -148,7 +150,7 @@ class PicturePanel:
         except PseudolidarError as error:
             return _json({"text": str(error)})
         if self._view.moment is moment:  # else the box is of a frame that is seen no more
-            self._view.stage.show_box(obstacle.box)
+            self._view.marks.show_box(obstacle.box)
         return _json({"text": _said(obstacle), "distance_m": obstacle.distance_m})
 
     def _layers_of(self, moment: Moment | None) -> dict[str, Layer]:

@@ -65,7 +65,7 @@ class PointsPanel:
             return
         _, T = clouds[found.cloud]
         place = moved(T, found.xyz_m)
-        stage.mark(place)
+        self._view.marks.show_place(place)
         lines = [f"**{escaped(found.cloud)}** {found.text}"]
         last = self._last  # a frame that is drawn meanwhile makes it None
         if last is not None:

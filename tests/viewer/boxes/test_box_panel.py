@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from pseudolidar.formats.points.pcd import decode_pcd
+from pseudolidar.structures.box import Box3D
 from pseudolidar.structures.camera import Camera
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.structures.pose import Pose
 from pseudolidar.viewer import drawn_octrees
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.app import App
@@ -303,3 +305,18 @@ def test_a_click_is_where_it_was_when_it_was_made(driven: App, monkeypatch: pyte
         driven.points.click(np.add(at, (0, 0, 8)), np.array([0, 0, -1.0]))
     first, second = driven.box._clicked
     assert first == pytest.approx(second)
+
+
+def test_marks_are_of_the_frame_in_which_they_were_set(driven: App):
+    driven.view.show(seen(0))
+    marks = driven.view.marks
+    marks.show_place(np.array([1.0, 2, 3]))
+    pose = Pose.from_rotation("left", "box", np.eye(3), np.array([0.0, 0, 5]))
+    marks.show_box(Box3D(pose, 4.0, 2.0, 1.0))
+    assert marks._place.visible
+    assert marks._place.position == pytest.approx((1, 2, 3))
+    assert marks._box.visible
+    assert marks._box.points.reshape(-1, 3).mean(axis=0) == pytest.approx((0, 0, 7))
+    driven.view.show(seen(1))
+    assert not marks._place.visible
+    assert not marks._box.visible
