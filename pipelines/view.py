@@ -248,12 +248,16 @@ def run(job: View) -> ViewReport:
 
 
 def exported(job: View, opened: Opened, path: Path) -> None:
-    """Write what there is to see, with the objects that are asked for, to one file."""
+    """Write what there is to see, with the objects that are asked for, to one file.
+
+    Raises:
+        PseudolidarError: the detector cannot be loaded, whose fault only a page would tell.
+    """
     asked = Asked(job.detector, job.corridor)
+    wish = asked.wish(of_run=bool(opened.objects))
     reel = opened.reels[0] if opened.reels else None
     sighted = reel.sighted if isinstance(reel, SourceReel) else None
     if is_drawn(path):
-        wish = asked.wish(of_run=bool(opened.objects))
         draw(opened, path, FilmedObjects(ScenesAtOnce.of(wish, opened.objects, sighted)))
         return
     with App.made(Address(port=0), opened.in_one_file(), Means(sighted, asked)) as app:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Self
 
 from pseudolidar.viewer.address import Address
@@ -17,6 +17,7 @@ from pseudolidar.viewer.drawn_path import DrawnPath
 from pseudolidar.viewer.drawn_ruler import DrawnRuler
 from pseudolidar.viewer.live_reel import LiveReel
 from pseudolidar.viewer.means import NO_MEANS, Means
+from pseudolidar.viewer.objects.scene import ObjectScene
 from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.panels.box import BoxPanel
 from pseudolidar.viewer.panels.compare import ComparePanel
@@ -83,6 +84,7 @@ class App:
         if opened.reels:
             self.picture = PicturePanel(self.view, sights)
         self.points = PointsPanel(self.view, (self.octrees, self.meshes))
+        self.objects_shown: Callable[[], ObjectScene] = ObjectScene
         self._add_tabs(opened, sights, means)
         self._ended = threading.Event()
 
@@ -121,6 +123,7 @@ class App:
         if "Obstacles" in tab:
             with tab["Obstacles"]:
                 self.obstacles = ObstaclesPanel(self.view, sights, opened.objects, means.asked)
+            self.objects_shown = lambda: self.obstacles.scene
             self.picture_boxes = PictureBoxes(self.view, self.picture, self.obstacles)
         if "Compare" in tab:
             with tab["Compare"]:

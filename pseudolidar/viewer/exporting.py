@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pseudolidar.errors import UsageError
@@ -10,10 +12,37 @@ from pseudolidar.running.progress import FrameProgress
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.filming.film import PICTURE_PX, Film, write_film, write_picture
 from pseudolidar.viewer.filming.outlined import FilmedObjects
+from pseudolidar.viewer.objects.scene import ObjectScene
 from pseudolidar.viewer.opening import Opened
+
+_log = logging.getLogger(__name__)
 
 # Of viser's own kinds of file, and of those that are drawn here.
 SCENES, DRAWN = (".html", ".viser"), (".mp4", ".png")
+
+
+@dataclass
+class Hindered:
+    """Frames in which nothing could be looked for: said once, for no page says it.
+
+    Args:
+        frames: how many.
+        why: of the first one.
+    """
+
+    frames: int = 0
+    why: str = ""
+
+    def see(self, scene: ObjectScene) -> ObjectScene:
+        """The objects of the next frame, as they are."""
+        if scene.hindered:
+            self.frames, self.why = self.frames + 1, self.why or scene.text
+        return scene
+
+    def tell(self) -> None:
+        """Say how many there were."""
+        if self.frames:
+            _log.warning("no objects in %d frames: %s", self.frames, self.why)
 
 
 def check_export(path: Path) -> None:
@@ -48,12 +77,15 @@ def draw(opened: Opened, path: Path, objects: FilmedObjects) -> None:
         CloudEmpty: there is nothing to be seen.
         OutputError: the disk is full or gone.
     """
+    hindered = Hindered()
+    seen = replace(objects, scenes=lambda moment: hindered.see(objects.scenes(moment)))
     if path.suffix.lower() == ".png":
-        write_picture(Film.of(opened, size_px=PICTURE_PX, objects=objects), path)
-        return
-    film = Film.of(opened, objects=objects)
-    with FrameProgress(film.count, what=path.stem) as progress:
-        write_film(film, path, progress.advance)
+        write_picture(Film.of(opened, size_px=PICTURE_PX, objects=seen), path)
+    else:
+        film = Film.of(opened, objects=seen)
+        with FrameProgress(film.count, what=path.stem) as progress:
+            write_film(film, path, progress.advance)
+    hindered.tell()
 
 
 def export(app: App, path: Path) -> None:
@@ -68,15 +100,17 @@ def export(app: App, path: Path) -> None:
     """
     view = app.view
     serializer = view.server.viser.get_scene_serializer()
-    times_s = view.reel.times_s
+    times_s, hindered = view.reel.times_s, Hindered()
     if app.path is not None:
         app.path.wait()
     with FrameProgress(len(times_s)) as progress:
         for index, time_s in enumerate(times_s):
             view.show(view.settled(index))
+            hindered.see(app.objects_shown())
             following_s = times_s[min(index + 1, len(times_s) - 1)]
             serializer.insert_sleep(max(float(following_s - time_s), 0.0))
             progress.advance()
+    hindered.tell()
     if path.suffix.lower() == ".html":
         write_atomic(path, serializer.as_html(dark_mode=view.dark).encode())
     else:

@@ -11,12 +11,16 @@ import pytest
 import zstandard
 from pseudolidar.pipelines.view import View, exported, reel_by
 
+from pseudolidar.errors import PseudolidarError
 from pseudolidar.evaluation.cloud_views import Eye, perspective
 from pseudolidar.evaluation.pictures import NOTHING
 from pseudolidar.formats.pictures.image import read_image
 from pseudolidar.obstacles.labels import Labels
+from pseudolidar.obstacles.template import Template
+from pseudolidar.sources.changed import ChangedSource
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.viewer.filming.film import Film
 from pseudolidar.viewer.filming.outlined import FilmedObjects, Outlines, projected
 from pseudolidar.viewer.filming.shot import Shot
@@ -189,3 +193,31 @@ def test_a_scene_and_a_picture_have_the_objects_that_are_looked_for(
     exported(View(), Opened((street,)), tmp_path / "bare.png")
     with_boxes, bare = (read_image(tmp_path / name).pixels for name in ("a.png", "bare.png"))
     assert (with_boxes != bare).any(axis=2).mean() > 0.002
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.viser"])
+def test_what_hinders_objects_is_said_and_no_reason_to_write_nothing(
+    street: SourceReel, tmp_path: Path, caplog: pytest.LogCaptureFixture, name: str
+):
+    bare = replace(street, source=ChangedSource(street.source, "", without_labels))
+    exported(View(detector=Labels()), Opened((bare,)), tmp_path / name)
+    assert (tmp_path / name).is_file()
+    (said,) = [one.message for one in caplog.records if one.levelname == "WARNING"]
+    assert said.startswith(
+        "no objects in 1 frames" if name == "a.png" else "no objects in 2 frames"
+    )
+    assert "labels" in said
+
+
+def without_labels(frame: StereoFrame) -> StereoFrame:
+    return replace(frame, labels=None)
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.viser"])
+def test_a_detector_that_cannot_be_loaded_is_told_before_anything_is_written(
+    street: SourceReel, tmp_path: Path, name: str
+):
+    job = View(detector=Template(tmp_path / "gone.png"))
+    with pytest.raises(PseudolidarError, match=r"gone\.png"):
+        exported(job, Opened((street,)), tmp_path / name)
+    assert not list(tmp_path.iterdir())

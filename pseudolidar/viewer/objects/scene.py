@@ -96,6 +96,7 @@ class ObjectScene:
         colours: (N, 3) of their objects.
         chosen: key of the object that somebody chose.
         text: what is said of all.
+        hindered: whether that is why nothing could be looked for.
     """
 
     objects: tuple[ShownObject, ...] = ()
@@ -105,6 +106,7 @@ class ObjectScene:
     colours: UInt8 = field(default_factory=lambda: np.zeros((0, 3), np.uint8))
     chosen: str = ""
     text: str = ""
+    hindered: bool = False
 
     @property
     def chosen_one(self) -> ShownObject | None:

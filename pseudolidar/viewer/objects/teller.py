@@ -96,7 +96,8 @@ class Teller:
         """
         T = T_forward_camera(moment)
         if T is None:
-            return ObjectScene(text=self._without_place(moment))
+            hindrance = self._without_place(moment)
+            return ObjectScene(text=hindrance, hindered=bool(hindrance))
         sight = moment.sight
         truths = () if sight is None else shown_truths(moment, sight)
         told = self._told(moment, found)
@@ -105,8 +106,10 @@ class Teller:
         corridor = None
         if told.objects.corridor is not None:
             corridor = shown_corridor(told.objects.corridor, told.approach, T)
-        text = self._text(moment, found, shown=len(shown), every=len(told.obstacles))
-        return ObjectScene(shown, truths, corridor, xyz, colours, chosen, text)
+        hindrance = self._hindrance(moment, found)
+        text = hindrance or self._count(found, shown=len(shown), every=len(told.obstacles))
+        hindered = bool(hindrance)
+        return ObjectScene(shown, truths, corridor, xyz, colours, chosen, text, hindered)
 
     def _told(self, moment: Moment, found: Objects | None) -> Told:
         """Objects with their tracks, by whoever is asked for them."""
@@ -121,15 +124,17 @@ class Teller:
             return moment.told
         return replace(told, obstacles=self.run.get(moment.id, ()), round=0)
 
-    def _text(self, moment: Moment, found: Objects | None, *, shown: int, every: int) -> str:
+    def _hindrance(self, moment: Moment, found: Objects | None) -> str:
+        """Why nothing can be found in a frame; "" where something could be."""
         if self.wish.searching and pictured(moment) is None:
             return "Frames without pictures: nothing can be found in them."
         if self.wish.searching and not self.measurable:
             return "Nothing can be measured in these frames."
+        return "" if found is None else found.fault
+
+    def _count(self, found: Objects | None, *, shown: int, every: int) -> str:
         if self.wish.searching and found is None:
             return "looking ..."
-        if found is not None and found.fault:
-            return found.fault
         if self.wish.detect is None and not self.wish.of_run:
             return ""
         hidden = f", {every - shown} more beyond the limits above" if every > shown else ""
