@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 from pseudolidar.errors import UsageError
@@ -14,6 +16,7 @@ from pseudolidar.viewer.filming.film import PICTURE_PX, Film, write_film, write_
 from pseudolidar.viewer.filming.outlined import FilmedObjects
 from pseudolidar.viewer.objects.scene import ObjectScene
 from pseudolidar.viewer.opening import Opened
+from pseudolidar.viewer.timeline import LONGEST_WAIT_S
 
 _log = logging.getLogger(__name__)
 
@@ -104,14 +107,23 @@ def export(app: App, path: Path) -> None:
     if app.path is not None:
         app.path.wait()
     with FrameProgress(len(times_s)) as progress:
-        for index, time_s in enumerate(times_s):
+        for index, wait_s in enumerate(waits_s(times_s)):
             view.show(view.settled(index))
             hindered.see(app.objects_shown())
-            following_s = times_s[min(index + 1, len(times_s) - 1)]
-            serializer.insert_sleep(max(float(following_s - time_s), 0.0))
+            serializer.insert_sleep(wait_s)
             progress.advance()
     hindered.tell()
     if path.suffix.lower() == ".html":
         write_atomic(path, serializer.as_html(dark_mode=view.dark).encode())
     else:
         write_atomic(path, serializer.serialize())
+
+
+def waits_s(times_s: Sequence[float]) -> list[float]:
+    """How long each frame is shown: the last one as long as the one before, a single one for ever.
+
+    Gaps are waited for no longer than on the page.
+    """
+    steps = [later - earlier for earlier, later in pairwise(times_s)]
+    waits = [min(max(float(step), 0.0), LONGEST_WAIT_S) for step in steps]
+    return [*waits, *(waits[-1:] or [0.0])]

@@ -21,6 +21,7 @@ from pseudolidar.sources.changed import ChangedSource
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.frame import StereoFrame
+from pseudolidar.viewer.exporting import waits_s
 from pseudolidar.viewer.filming.film import Film
 from pseudolidar.viewer.filming.outlined import FilmedObjects, Outlines, projected
 from pseudolidar.viewer.filming.shot import Shot
@@ -221,3 +222,9 @@ def test_a_detector_that_cannot_be_loaded_is_told_before_anything_is_written(
     with pytest.raises(PseudolidarError, match=r"gone\.png"):
         exported(job, Opened((street,)), tmp_path / name)
     assert not list(tmp_path.iterdir())
+
+
+def test_frames_of_a_scene_last_as_on_the_page_and_the_last_one_is_seen():
+    assert waits_s([0.0]) == [0.0]  # one frame moves nothing, and does not begin again
+    assert waits_s([0.0, 0.1, 0.4]) == pytest.approx([0.1, 0.3, 0.3])
+    assert waits_s([0.0, 1e6, 1e6]) == [1.0, 0.0, 0.0]
