@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from http import HTTPStatus
 from urllib.parse import parse_qsl
 
-from pseudolidar.viewer.answers import Answer, Page
+from pseudolidar.viewer.answers import Answer, Page, status_alone
 
 _log = logging.getLogger(__name__)
 
@@ -45,13 +45,13 @@ class Answering:
         path, _, text = target.partition("?")
         page = self._pages.get(path)
         if page is None:
-            return _status(HTTPStatus.NOT_FOUND)
+            return status_alone(HTTPStatus.NOT_FOUND)
         try:
             query = dict(parse_qsl(text, keep_blank_values=True, max_num_fields=MOST_PARTS))
         except ValueError:
-            return _status(HTTPStatus.BAD_REQUEST)
+            return status_alone(HTTPStatus.BAD_REQUEST)
         if self._asked[path] >= AT_ONCE + MOST_WAITING:
-            return _status(HTTPStatus.SERVICE_UNAVAILABLE)
+            return status_alone(HTTPStatus.SERVICE_UNAVAILABLE)
         self._asked[path] += 1
         try:
             async with self._turns[path]:
@@ -59,10 +59,6 @@ class Answering:
                 return await loop.run_in_executor(self._threads, page, query)
         except Exception as error:  # a page that fails fails alone
             _log.warning("%s cannot be made: %s", path, type(error).__name__)
-            return _status(HTTPStatus.INTERNAL_SERVER_ERROR)
+            return status_alone(HTTPStatus.INTERNAL_SERVER_ERROR)
         finally:
             self._asked[path] -= 1
-
-
-def _status(status: HTTPStatus) -> Answer:
-    return Answer(f"{status.value} {status.phrase}\n".encode(), "text/plain", status)

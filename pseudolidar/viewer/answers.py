@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import TYPE_CHECKING
 
-from pseudolidar.viewer.guard import Refused
+from pseudolidar.viewer.guard import Admitted, Refused
 
 if TYPE_CHECKING:
     from websockets.http11 import Response
@@ -46,19 +46,28 @@ class Answer:
         kind: its MIME type.
         status: of HTTP.
         download: name of the file to save it as; "" to show it.
+        pieces: of a body that is too long for the memory, in place of it; each is made when the
+            one before was taken.
+        length: bytes of all pieces.
     """
 
     body: bytes
     kind: str = "application/json"
     status: HTTPStatus = HTTPStatus.OK
     download: str = ""
+    pieces: Generator[bytes] | None = None
+    length: int = 0
+
+
+def status_alone(status: HTTPStatus) -> Answer:
+    """An answer that says nothing else."""
+    return Answer(f"{status.value} {status.phrase}\n".encode(), "text/plain", status)
 
 
 def refusal(refused: Refused) -> Response:
     """What one gets who is not let in; the log is told why."""
     _log.info("refused: %s", refused.why)
-    text = f"{refused.status.value} {refused.status.phrase}\n".encode()
-    return closed_in(response(Answer(text, "text/plain", refused.status)), framed="'none'")
+    return closed_in(response(status_alone(refused.status)), framed="'none'")
 
 
 def response(answer: Answer) -> Response:
@@ -66,10 +75,18 @@ def response(answer: Answer) -> Response:
     from websockets.datastructures import Headers
     from websockets.http11 import Response
 
-    headers = Headers({"Content-Type": answer.kind, "Content-Length": str(len(answer.body))})
+    length = len(answer.body) if answer.pieces is None else answer.length
+    headers = Headers({"Content-Type": answer.kind, "Content-Length": str(length)})
     if answer.download:
         headers["Content-Disposition"] = f'attachment; filename="{answer.download}"'
     return Response(answer.status.value, answer.status.phrase, headers, answer.body)
+
+
+def with_cookie(sent: Response, admitted: Admitted) -> Response:
+    """The same with the cookie that a token was just exchanged for, if it was."""
+    if admitted.cookie:
+        sent.headers["Set-Cookie"] = admitted.cookie
+    return sent
 
 
 def closed_in(sent: Response, *, framed: str) -> Response:

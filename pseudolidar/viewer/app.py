@@ -25,6 +25,7 @@ from pseudolidar.viewer.panels.detail import DetailPanel
 from pseudolidar.viewer.panels.export import ExportPanel
 from pseudolidar.viewer.panels.help import HelpPanel
 from pseudolidar.viewer.panels.hue import HuePanel
+from pseudolidar.viewer.panels.large_export import LargeExport
 from pseudolidar.viewer.panels.obstacles import ObstaclesPanel
 from pseudolidar.viewer.panels.paths import PathsPanel
 from pseudolidar.viewer.panels.picture import PicturePanel
@@ -37,7 +38,6 @@ from pseudolidar.viewer.panels.tune import TunePanel
 from pseudolidar.viewer.reel import NoFrames, Reel, SourceReel
 from pseudolidar.viewer.remembered import RememberedSights
 from pseudolidar.viewer.server import GuardedServer, serve
-from pseudolidar.viewer.stills import StillOctree
 from pseudolidar.viewer.view import View
 
 TITLE = "pseudolidar"
@@ -65,8 +65,7 @@ class App:
         self.companions = joined(self.view, opened.reels)
         for still in opened.stills:
             self.view.stage.put(still)
-        trees = {s.name: s.tree for s in opened.stills if isinstance(s, StillOctree)}
-        self.octrees = DrawnOctrees(server.viser, self.view.stage, trees)
+        self.octrees = DrawnOctrees(server.viser, self.view.stage, self.view.stage.trees)
         self.view.on_shown(lambda _: self.octrees.wake())
         self.meshes = DrawnMeshes(server.viser, self.view.stage)
         self.view.on_shown(lambda _: self.meshes.redraw())
@@ -131,6 +130,7 @@ class App:
         with tab["Export"]:
             filmed = self.obstacles.filmed if "Obstacles" in tab else None
             self.export = ExportPanel(self.view, filmed)
+            self.large_export = LargeExport(self.view, self.octrees)
         if "Points" in tab:
             with tab["Points"]:
                 gatherer = Gatherer(self.view, self.octrees)

@@ -148,6 +148,27 @@ class DrawnOctrees:
         shown = [] if looker is None else [n for n, h in list(looker.has.items()) if h.visible]
         return sum(self._count(node) for node in shown)
 
+    def seen(self, client: ClientHandle) -> Mapping[str, PointCloud]:
+        """The points that a browser has on its page, by name; none before it says how it looks."""
+        looker, eye = self._lookers.get(client.client_id), self._eye(client)
+        if looker is None or eye is None:
+            return {}
+        drawn = [node for node, handle in list(looker.has.items()) if handle.visible]
+        found = {}
+        for name in self.visible:
+            fine = [number for of, number in drawn if of == name]
+            tree, sides = self._trees[name], eye.sides()
+            numbers = np.union1d(self._shared[name], np.array(fine, np.int64))
+            cloud = tree.cloud(numbers[within(tree, sides)[numbers]].tolist())
+            normals, offsets = sides
+            inside = (cloud.xyz @ normals.T + offsets >= 0).all(axis=1)
+            found[name] = cloud[np.asarray(inside)]
+        return found
+
+    def has_room(self, client: ClientHandle) -> bool:
+        """Whether a browser has taken most of what it was sent."""
+        return _waiting(client) <= MOST_WAITING
+
     def _connected(self, client: ClientHandle) -> None:
         self._lookers[client.client_id] = Looker(client)
 
@@ -176,7 +197,7 @@ class DrawnOctrees:
 
     def _draw(self, looker: Looker) -> bool:
         """Send what is missing most; whether something is missing still."""
-        if _waiting(looker.client) > MOST_WAITING:
+        if not self.has_room(looker.client):
             return True
         wanted, sizes_m = self._wanted(looker.client)
         self._recolour(looker)

@@ -11,8 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 from pseudolidar.errors import ServeError
 from pseudolidar.viewer.answering import Answering
-from pseudolidar.viewer.answers import Page, closed_in, refusal, response
-from pseudolidar.viewer.guard import Guard, Refused
+from pseudolidar.viewer.answers import (
+    Page,
+    closed_in,
+    refusal,
+    response,
+    status_alone,
+    with_cookie,
+)
+from pseudolidar.viewer.guard import Admitted, Guard, Refused
 from pseudolidar.viewer.inbound import MESSAGE_BYTES, Control
 from pseudolidar.viewer.listener import Listener
 
@@ -47,9 +54,12 @@ class Gate:
     """
 
     def __init__(self, guard: Guard, pages: Mapping[str, Page], spoken: str) -> None:
+        from pseudolidar.viewer.streaming import Streaming
+
         self.guard = guard
         self._spoken = spoken
         self._answering = Answering(pages)
+        self._streaming = Streaming()
         self._viser: ViserServer | None = None
         self._reached = False
         self._clients = 0
@@ -107,10 +117,10 @@ class Gate:
             verdict = self.guard.page(request.path, request.headers)
             if isinstance(verdict, Refused):
                 return refusal(verdict)
-            sent = await self._page(connection, request, theirs)
-            if verdict.cookie:
-                sent.headers["Set-Cookie"] = verdict.cookie
-            return sent
+            if request.path.partition("?")[0] == "/":
+                page = closed_in(theirs(connection, request), framed="'none'")
+                return with_cookie(page, verdict)
+            return await self._answer(connection, request, verdict)
 
         return judge
 
@@ -125,14 +135,18 @@ class Gate:
             return Refused(f"{MOST_CLIENTS} look already", HTTPStatus.SERVICE_UNAVAILABLE)
         return None
 
-    async def _page(
-        self, connection: Connection, request: Request, theirs: Callable[..., Any]
+    async def _answer(
+        self, connection: Connection, request: Request, verdict: Admitted
     ) -> Response:
-        if request.path.partition("?")[0] == "/":
-            return closed_in(theirs(connection, request), framed="'none'")
+        """A page of our own."""
         answer = await self._answering.answer(request.path)
+        if answer.pieces is not None and self._streaming.is_full:
+            answer = status_alone(HTTPStatus.SERVICE_UNAVAILABLE)
         framed = "'self'" if answer.status is HTTPStatus.OK else "'none'"
-        return closed_in(response(answer), framed=framed)
+        head = with_cookie(closed_in(response(answer), framed=framed), verdict)
+        if answer.pieces is None:
+            return head
+        return await self._streaming.send(connection, head, answer.pieces)
 
     def _handler(self, theirs: Callable[..., Awaitable[None]]) -> Callable[..., Awaitable[None]]:
         async def handler(connection: Connection) -> None:

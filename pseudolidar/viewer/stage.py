@@ -16,6 +16,7 @@ from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring, Scale
 from pseudolidar.viewer.moment import Moment, Sight
 from pseudolidar.viewer.objects.lines import coloured
+from pseudolidar.viewer.octree.tree import Octree
 from pseudolidar.viewer.placement import Placement, moved
 from pseudolidar.viewer.stills import Still, StillCloud, StillMesh, StillOctree, StillPath, middle_m
 from pseudolidar.viewer.thinned import thinned
@@ -116,6 +117,11 @@ class Stage:
     def whole_stills(self) -> Mapping[str, PointCloud]:
         """The same without large ones: what figures and files are made of."""
         return {name: c for name, c in self._stills.items() if name not in self._coarse}
+
+    @property
+    def trees(self) -> dict[str, Octree]:
+        """Large clouds by name."""
+        return {s.name: s.tree for s in self.every_still if isinstance(s, StillOctree)}
 
     @property
     def still_places(self) -> AnyArray:

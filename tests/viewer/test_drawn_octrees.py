@@ -6,12 +6,14 @@ import itertools
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page
 
+from pseudolidar.formats.points.pcd import read_pcd
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.app import App
@@ -21,6 +23,7 @@ from pseudolidar.viewer.octree.build import built
 from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.picking import picked
 from pseudolidar.viewer.stills import SHARED_POINTS, StillOctree
+from tests.viewer.seen import screenshot
 
 COUNT = 700_000
 NAME, DENSE = "map.ply", "dense.ply"
@@ -150,6 +153,19 @@ def test_a_click_tells_a_fine_point_of_the_file(app: App, opened_page: Page):
     app.points.click(eye, direction)
     x, y = want.xyz_m[:2]
     opened_page.get_by_text(f"{x:.2f}, {y:.2f}, ").wait_for(timeout=60_000)
+
+
+def test_what_is_seen_is_downloaded(app: App, opened_page: Page, tmp_path: Path):
+    opened_page.get_by_role("tab", name="Export").click()
+    opened_page.get_by_text(f"all {COUNT:,} points").wait_for(timeout=60_000)
+    with opened_page.expect_download(timeout=60_000) as sent:
+        opened_page.get_by_role("button", name="PCD").click()
+    sent.value.save_as(tmp_path / "seen.pcd")
+    seen = read_pcd(tmp_path / "seen.pcd")
+    assert 0 < len(seen) < COUNT
+    opened_page.get_by_text(f"Sent: {NAME}, {len(seen):,} points").wait_for(timeout=60_000)
+    screenshot(opened_page, "large_export")
+    opened_page.get_by_role("tab", name="Scene").click()
 
 
 def test_figures_and_files_are_not_made_of_the_coarsest_points(app: App):

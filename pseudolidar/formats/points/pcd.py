@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Generator, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -82,23 +82,55 @@ def encode_pcd(cloud: PointCloud, *, encoding: Encoding = "binary") -> bytes:
     Raises:
         StructureError: an extra column that cannot be a field.
     """
-    scalars, dtypes = storable(scalar_fields(cloud))
-    scalars = {_renamed(name, scalars, NORMALS): column for name, column in scalars.items()}
-    columns: dict[str, AnyArray] = {axis: cloud.xyz[:, i] for i, axis in enumerate("xyz")}
-    if cloud.rgb is not None:
-        columns["rgb"] = _packed(cloud.rgb, "<u4" if encoding == "ascii" else "<f4")
-    columns |= scalars
-    rows, width = cloud.shape or (1, len(cloud))
-    fields = tuple(
-        PcdField(name, _TYPES[column.dtype.kind], column.dtype.itemsize)
-        for name, column in columns.items()
-    )
-    header = PcdHeader(fields, width, rows, encoding, notes_of(cloud, dtypes)).encode()
+    columns, dtypes = _table(cloud, encoding)
+    header = _header(cloud, columns, dtypes, cloud.shape or (1, len(cloud)), encoding)
     if encoding == "ascii":
         return header + encode_table(list(columns.values()))
     if encoding == "binary_compressed":
         return header + _compressed(columns)
     return b"".join((header, interleave(columns).data))
+
+
+def encode_pcd_pieces(clouds: Iterable[PointCloud], count: int) -> Generator[bytes]:
+    """The bytes of one binary PCD, cloud by cloud, for more points than the memory holds.
+
+    Args:
+        clouds: alike but for their points; the frame and the time are those of the first.
+        count: points of all of them together.
+
+    Raises:
+        StructureError: an extra column that cannot be a field.
+    """
+    for number, cloud in enumerate(clouds):
+        columns, dtypes = _table(cloud, "binary")
+        if number == 0:
+            yield _header(cloud, columns, dtypes, (1, count), "binary")
+        yield interleave(columns).tobytes()
+
+
+def _table(cloud: PointCloud, encoding: Encoding) -> tuple[dict[str, AnyArray], dict[str, str]]:
+    """Fields by name, and dtypes of columns that PCD lacks."""
+    scalars, dtypes = storable(scalar_fields(cloud))
+    scalars = {_renamed(name, scalars, NORMALS): column for name, column in scalars.items()}
+    columns: dict[str, AnyArray] = {axis: cloud.xyz[:, i] for i, axis in enumerate("xyz")}
+    if cloud.rgb is not None:
+        columns["rgb"] = _packed(cloud.rgb, "<u4" if encoding == "ascii" else "<f4")
+    return columns | scalars, dtypes
+
+
+def _header(
+    cloud: PointCloud,
+    columns: Mapping[str, AnyArray],
+    dtypes: Mapping[str, str],
+    shape: tuple[int, int],
+    encoding: Encoding,
+) -> bytes:
+    fields = tuple(
+        PcdField(name, _TYPES[column.dtype.kind], column.dtype.itemsize)
+        for name, column in columns.items()
+    )
+    rows, width = shape
+    return PcdHeader(fields, width, rows, encoding, notes_of(cloud, dtypes)).encode()
 
 
 def decode_pcd(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -88,6 +89,32 @@ def encode_ply(cloud: PointCloud, *, encoding: Encoding = "binary_little_endian"
     Raises:
         StructureError: an extra column that cannot be a property.
     """
+    columns, dtypes = _table(cloud)
+    header = _header(cloud, columns, dtypes, len(cloud), encoding)
+    if encoding == "ascii":
+        return header + encode_table(list(columns.values()))
+    return b"".join((header, interleave(columns).data))
+
+
+def encode_ply_pieces(clouds: Iterable[PointCloud], count: int) -> Generator[bytes]:
+    """The bytes of one binary PLY, cloud by cloud, for more points than the memory holds.
+
+    Args:
+        clouds: alike but for their points; the frame and the time are those of the first.
+        count: points of all of them together.
+
+    Raises:
+        StructureError: an extra column that cannot be a property.
+    """
+    for number, cloud in enumerate(clouds):
+        columns, dtypes = _table(cloud)
+        if number == 0:
+            yield _header(cloud, columns, dtypes, count, "binary_little_endian")
+        yield interleave(columns).tobytes()
+
+
+def _table(cloud: PointCloud) -> tuple[dict[str, AnyArray], dict[str, str]]:
+    """Properties by name, and dtypes of columns that PLY lacks."""
     scalars, dtypes = storable(scalar_fields(cloud))
     columns: dict[str, AnyArray] = {axis: cloud.xyz[:, i] for i, axis in enumerate("xyz")}
     if cloud.rgb is not None:
@@ -99,14 +126,21 @@ def encode_ply(cloud: PointCloud, *, encoding: Encoding = "binary_little_endian"
             columns |= _halves(title, column)
         else:
             columns[title] = column
+    return columns, dtypes
+
+
+def _header(
+    cloud: PointCloud,
+    columns: Mapping[str, AnyArray],
+    dtypes: Mapping[str, str],
+    count: int,
+    encoding: Encoding,
+) -> bytes:
     properties = tuple(
         PlyProperty(name, column.dtype.newbyteorder("<")) for name, column in columns.items()
     )
-    element = PlyElement("vertex", len(cloud), properties)
-    header = PlyHeader(encoding, (element,), notes_of(cloud, dtypes)).encode()
-    if encoding == "ascii":
-        return header + encode_table(list(columns.values()))
-    return b"".join((header, interleave(columns).data))
+    element = PlyElement("vertex", count, properties)
+    return PlyHeader(encoding, (element,), notes_of(cloud, dtypes)).encode()
 
 
 def decode_ply(data: bytes, *, limits: Limits = DEFAULT_LIMITS) -> PointCloud:

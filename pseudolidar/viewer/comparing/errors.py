@@ -19,6 +19,7 @@ from pseudolidar.running.comparing.clouds import MOST_ASKED
 from pseudolidar.running.comparing.references import OwnKind
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.viewer.comparing.standing import are_standing, standing_distances
 from pseudolidar.viewer.judged import compared_of, reference_of
 from pseudolidar.viewer.moment import VELODYNE, Moment
 from pseudolidar.viewer.thinned import thinned
@@ -108,7 +109,8 @@ def evidence(
     """What one frame says about one cloud against another; None where it says nothing.
 
     A stereo cloud and the scan or the truth of its pair are compared by depth, as `compare SOURCE`
-    does; any other two by nearest neighbours, as `compare CLOUDS OTHER` does.
+    does; any other two by nearest neighbours, as `compare CLOUDS OTHER` does, maps that no rig
+    stands in with all their points.
 
     Args:
         moment: the frame.
@@ -126,6 +128,8 @@ def evidence(
     own, other = (_around_the_rig(moment, stills, each) for each in (name, against))
     if own is None or other is None:
         return None
+    if are_standing(moment, stills, name, against):
+        return standing_distances(own, other)
     return cloud_distances(own, other, most=MOST_ASKED)
 
 

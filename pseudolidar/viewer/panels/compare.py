@@ -74,7 +74,7 @@ class ComparePanel:
         self._stopped = True
 
     def _show(self, moment: Moment) -> None:
-        names, references = choices(moment, self._view.stage.whole_stills)
+        names, references = choices(moment, self._view.stage.stills)
         if names and names != self._name.options:
             begins = EVERY in names and EVERY not in self._name.options
             self._name.options = names
@@ -101,7 +101,7 @@ class ComparePanel:
 
     def _tell_frame(self, moment: Moment, _overtaken: Callable[[], bool]) -> None:
         pool = Pool(self._name.value, self._against.value)
-        pool.add(moment, self._view.stage.whole_stills)
+        self._add(pool, moment)
         self._told.content = self._words(pool)
 
     def _tell_all(self, frames: int, overtaken: Callable[[], bool]) -> None:
@@ -113,11 +113,14 @@ class ComparePanel:
             for index in range(frames):
                 if self._stopped or overtaken():
                     break
-                pool.add(self._view.made(index), self._view.stage.whole_stills)
+                self._add(pool, self._view.made(index))
                 self._move((index + 1) / frames)
         finally:
             self._progress.visible = self._stop.visible = False
         self._told_all.content, self._told_all.visible = self._words(pool), True
+
+    def _add(self, pool: Pool, moment: Moment) -> None:
+        pool.add(moment, self._view.stage.whole_stills, self._view.stage.trees)
 
     def _move(self, share: float) -> None:
         self._progress.value = 100.0 * share  # type: ignore[misc] # a setter that mypy does not see
@@ -126,7 +129,7 @@ class ComparePanel:
         if pool.name == pool.against:
             return paragraph(SAME)
         found = pool.told()
-        faults = [paragraph(fault) for fault in pool.faults[:FAULTS_TOLD]]
+        faults = [paragraph(said) for said in (*pool.notes, *pool.faults[:FAULTS_TOLD])]
         labels = [one.label for one in self._companions.every]
         return "".join([told(found, labels) if found else paragraph(NOT_COMPARED), *faults])
 

@@ -30,7 +30,8 @@ from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.reel import NoFrames
 from pseudolidar.viewer.view import View
 
-KINDS = {"ply": "application/octet-stream", "pcd": "application/octet-stream"}
+BYTES = "application/octet-stream"
+KINDS = {"ply": BYTES, "pcd": BYTES}
 PAGE_NAME, PICTURE_NAME = "scene.html", "view.png"
 # Colours of the page behind its scene, and how long a browser may take for a picture, s.
 DARK, LIGHT, PATIENCE_S = (20, 20, 20), (255, 255, 255), 20.0
@@ -92,10 +93,8 @@ class ExportPanel:
             return Answer(b"", "text/plain", HTTPStatus.NOT_FOUND)
         frame = RecordedCloud(cloud, "shown", 0, cloud.timestamp_ns)
         moment = self._view.moment
-        stem = ODD.sub("_", f"{moment.id if moment else ''}_{query['name']}").strip("_.")
-        return Answer(
-            ENCODERS[kind](Converted(frame, cloud)), KINDS[kind], download=f"{stem}.{kind}"
-        )
+        name = file_name(f"{moment.id if moment else ''}_{query['name']}", kind)
+        return Answer(ENCODERS[kind](Converted(frame, cloud)), KINDS[kind], download=name)
 
     def _film_of_shown(self) -> Film:
         view, reel = self._view, self._view.reel
@@ -120,7 +119,7 @@ class ExportPanel:
 
     def _tell(self, said: str) -> None:
         link = '<a href="/export/film" download>film.mp4</a>' if self._maker.made else ""
-        self._told.content = _styled(html.escape(said) or link)
+        self._told.content = styled(html.escape(said) or link)
 
     def _send_picture(self, event: Any) -> None:
         """What the browser that asks has before it; one picture of a browser at a time."""
@@ -137,7 +136,7 @@ class ExportPanel:
             with self._lock:
                 self._asked.discard(client.client_id)
         if pixels is None:
-            self._told.content = _styled("this browser sends no picture")
+            self._told.content = styled("this browser sends no picture")
             return
         png = encode_png(flattened(pixels, DARK if self._view.dark else LIGHT))
         client.send_file_download(PICTURE_NAME, png, save_immediately=True)
@@ -159,15 +158,21 @@ def _picture_of(client: Any) -> UInt8 | None:
     return pixels if pixels.shape == (*size, 4) and pixels.dtype == np.uint8 else None
 
 
+def file_name(name: str, kind: str) -> str:
+    """What the file of something is called."""
+    return f"{ODD.sub('_', name).strip('_.')}.{kind}"
+
+
 def _links(names: tuple[str, ...]) -> str:
     rows = [
         f"{html.escape(name)}: {', '.join(_link(name, kind) for kind in KINDS)}" for name in names
     ]
     rows.append('<a href="/export/scene" download>this scene, a page that needs no server</a>')
-    return _styled("<br>".join(rows))
+    return styled("<br>".join(rows))
 
 
-def _styled(content: str) -> str:
+def styled(content: str) -> str:
+    """Lines of a panel."""
     return f'<div style="font-size:0.85em;margin:2px 10px;line-height:1.9">{content}</div>'
 
 

@@ -9,8 +9,20 @@ import pytest
 
 from pseudolidar.errors import OutputError, PointFileMissing, StructureError
 from pseudolidar.formats.points.npz import decode_npz, encode_npz, read_npz, write_npz
-from pseudolidar.formats.points.pcd import decode_pcd, encode_pcd, read_pcd, write_pcd
-from pseudolidar.formats.points.ply import decode_ply, encode_ply, read_ply, write_ply
+from pseudolidar.formats.points.pcd import (
+    decode_pcd,
+    encode_pcd,
+    encode_pcd_pieces,
+    read_pcd,
+    write_pcd,
+)
+from pseudolidar.formats.points.ply import (
+    decode_ply,
+    encode_ply,
+    encode_ply_pieces,
+    read_ply,
+    write_ply,
+)
 
 FORMATS = {
     "pcd-binary": (encode_pcd, decode_pcd, "binary"),
@@ -50,6 +62,15 @@ def test_absent_column_stays_absent(codec, make_cloud, assert_same_cloud, column
     encode, decode = codec
     cloud = replace(make_cloud(), **{column: None})
     assert_same_cloud(decode(encode(cloud)), cloud)
+
+
+@pytest.mark.parametrize(
+    ("encode", "encode_pieces"), [(encode_pcd, encode_pcd_pieces), (encode_ply, encode_ply_pieces)]
+)
+def test_pieces_are_the_bytes_of_the_whole(make_cloud, encode, encode_pieces):
+    cloud = make_cloud(60)
+    pieces = [cloud[:1], cloud[1:40], cloud[40:]]
+    assert b"".join(encode_pieces(iter(pieces), 60)) == encode(cloud)
 
 
 def test_points_alone(codec, make_cloud, assert_same_cloud, without_columns):
