@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-# Wrong messages after which a browser is sent away.
-MOST_FAULTS = 8
+# Wrong messages after which a browser is sent away; how long it may take to go, s, and how many
+# messages it may have sent before it hears of it.
+MOST_FAULTS, GOODBYE_S, MOST_LEFT = 8, 1.0, 64
 # What asks for a search through all points; how often that, and all that a browser says, may come:
 # a second in the long run, and at once.
 CLICKS = ("ScenePointerMessage", "SceneNodeClickMessage")
@@ -59,7 +60,29 @@ class Listener:
             self._faults += 1
             _log.warning("a browser sent %s", fault)
             if self._faults > MOST_FAULTS:
-                await self._connection.close(1008, "too many wrong messages")
+                await self._send_away()
+
+    async def _send_away(self) -> None:
+        """Close the connection, and end who listens to it.
+
+        Its answer to that comes behind what it has said before: that is read and thrown away, or
+        nothing more would be read where much of it waits. Who says more in place of an answer is
+        cut off.
+
+        Raises:
+            ConnectionClosed: always.
+        """
+        from websockets.exceptions import ConnectionClosedError
+
+        closing = asyncio.ensure_future(self._connection.close(1008, "too many wrong messages"))
+        await asyncio.sleep(0)  # it is told before more is read
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(GOODBYE_S):
+                for _ in range(MOST_LEFT):
+                    await self._receive()
+        self._connection.transport.abort()
+        await closing
+        raise ConnectionClosedError(None, None)
 
     async def _wait(self) -> None:
         """Until it is time; nothing is read meanwhile, so that who floods this holds up itself."""

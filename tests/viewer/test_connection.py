@@ -196,6 +196,24 @@ def test_who_clicks_without_end_is_heard_at_the_pace_of_a_hand(server: GuardedSe
     flood.join()
 
 
+def test_who_says_nothing_right_without_end_is_cut_off(server: GuardedServer):
+    live = server.viser._websock_server._live_connections
+    client = look(server)
+    wait_until(lambda: bool(live))
+    ends_s = time.monotonic() + 30
+
+    def talk() -> None:
+        with suppress(OSError):
+            while time.monotonic() < ends_s:
+                client.socket.sendall(b"\x82\x81\0\0\0\0x" * 1000)
+
+    talking = threading.Thread(target=talk)
+    talking.start()
+    wait_until(lambda: not live, patience_s=10)
+    client.socket.close()
+    talking.join()
+
+
 def test_not_more_than_sixteen_come_at_the_same_moment(server: GuardedServer):
     clients, refused = list[ClientConnection](), list[str]()
 

@@ -20,7 +20,7 @@ from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.answers import Answer
 from pseudolidar.viewer.gate import MOST_CLIENTS
 from pseudolidar.viewer.server import GuardedServer, serve
-from tests.viewer.clients import cookie, get, look, port_of, wait_until
+from tests.viewer.clients import cookie, get, look, looking, port_of, wait_until
 
 
 def test_the_printed_address_answers_and_gives_a_cookie(server: GuardedServer):
@@ -117,7 +117,7 @@ def test_websockets_of_others_are_refused_before_they_open(
 
 def test_a_websocket_of_the_page_is_opened(server: GuardedServer):
     server.viser.scene.add_frame("/there")
-    with look(server) as socket_:
+    with looking(server) as socket_:
         assert len(socket_.recv(timeout=10)) > 16
 
 
@@ -145,7 +145,7 @@ def test_a_share_tunnel_cannot_be_asked_for(
 def test_values_of_the_wrong_kind_change_nothing(server: GuardedServer):
     slider = server.viser.gui.add_slider("s", min=0, max=10, step=1, initial_value=5)
     hidden = server.viser.gui.add_number("h", initial_value=1, disabled=True)
-    with look(server) as socket_:
+    with looking(server) as socket_:
         for uuid, updates in (
             (slider._impl.uuid, {"value": 99}),
             (slider._impl.uuid, {"value": "7"}),
@@ -162,7 +162,7 @@ def test_values_of_the_wrong_kind_change_nothing(server: GuardedServer):
 
 def test_one_that_sends_garbage_is_sent_away_and_others_stay(server: GuardedServer):
     rng = np.random.default_rng(0)
-    with look(server) as quiet, look(server) as loud:
+    with looking(server) as quiet, looking(server) as loud:
         for _ in range(1000):
             try:
                 loud.send(rng.bytes(int(rng.integers(1, 400))))
@@ -177,7 +177,7 @@ def test_one_that_sends_garbage_is_sent_away_and_others_stay(server: GuardedServ
 
 def test_a_client_that_reads_nothing_holds_up_nobody(server: GuardedServer):
     deaf = look(server)
-    with look(server) as quick:
+    with looking(server) as quick:
         handle = server.viser.scene.add_point_cloud(
             "/cloud", np.zeros((1, 3), np.float32), np.zeros((1, 3), np.uint8)
         )
