@@ -51,12 +51,9 @@ def vector(length: int) -> Check:
     )
 
 
-def vectors(length: int, most: int) -> Check:
-    """At most so many vectors."""
-    one = vector(length)
-    return lambda value: (
-        isinstance(value, list | tuple) and len(value) <= most and all(map(one, value))
-    )
+def only(check: Check) -> Check:
+    """A list of one such thing."""
+    return lambda value: isinstance(value, list | tuple) and len(value) == 1 and check(value[0])
 
 
 _is_vector3, _is_vector4 = vector(3), vector(4)

@@ -20,8 +20,9 @@ from pseudolidar.viewer.answers import (
     with_cookie,
 )
 from pseudolidar.viewer.guard import Admitted, Guard, Refused
-from pseudolidar.viewer.inbound import MESSAGE_BYTES, Control
+from pseudolidar.viewer.inbound import MESSAGE_BYTES
 from pseudolidar.viewer.listener import Listener
+from pseudolidar.viewer.on_page import OnPage
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -40,8 +41,6 @@ MOST_WAITING = 16
 PING_S, GONE_S = 20.0, 300.0
 # To say good-bye, s.
 CLOSE_S = 10.0
-# Controls of viser whose values are bytes, though it does not say so.
-COLOURS = ("GuiRgbProps", "GuiRgbaProps")
 
 
 class Gate:
@@ -60,7 +59,7 @@ class Gate:
         self._spoken = spoken
         self._answering = Answering(pages)
         self._streaming = Streaming()
-        self._viser: ViserServer | None = None
+        self.on_page = OnPage()
         self._reached = False
         self._clients = 0
 
@@ -74,7 +73,7 @@ class Gate:
             viser.stop()
             raise ServeError("viser did not pass its guard", fix="report this with your versions")
         viser.request_share_url = _no_tunnel  # type: ignore[method-assign]
-        self._viser = viser
+        self.on_page.viser = viser
 
     @contextlib.contextmanager
     def in_place(self, listening: socket.socket) -> Iterator[None]:
@@ -155,7 +154,8 @@ class Gate:
                 return
             self._clients += 1
             try:
-                listener = Listener(connection, self.control, lambda: self.pictures_due(connection))
+                on_page = self.on_page
+                listener = Listener(connection, on_page, lambda: on_page.pictures_due(connection))
                 connection.is_due = lambda: listener.due() > 0
                 connection.recv = listener.recv  # type: ignore[assignment]
                 await theirs(connection)
@@ -165,34 +165,6 @@ class Gate:
                 self._clients -= 1
 
         return handler
-
-    def control(self, uuid: str) -> Control | None:
-        """The control of the page with that identity."""
-        viser = self._viser
-        handle = None if viser is None else viser.gui._gui_input_handle_from_uuid.get(uuid)
-        if handle is None or handle.disabled or not handle.visible:
-            return None
-        props: Any = handle._impl.props
-        options = getattr(props, "options", None)
-        least, most = getattr(props, "min", None), getattr(props, "max", None)
-        if type(props).__name__ in COLOURS:
-            least, most = 0, 255
-        return Control(handle.value, least, most, None if options is None else tuple(options))
-
-    def pictures_due(self, client: Connection) -> int:
-        """How many pictures were asked for that this browser has not sent."""
-        from viser._messages import GetRenderResponseMessage
-
-        viser = self._viser
-        if viser is None:
-            return 0
-        server = viser._websock_server
-        for number, connection in server._live_connections.items():
-            handle = viser._connected_clients.get(number) if connection is client else None
-            if handle is not None:
-                handlers = handle._websock_connection._incoming_handlers
-                return len(handlers.get(GetRenderResponseMessage, ()))
-        return 0
 
 
 def _no_tunnel(*_: Any, **__: Any) -> None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from itertools import combinations, pairwise
+from typing import Any, Protocol
 
 from pseudolidar.viewer.checks import (
     LARGEST,
     Check,
-    is_count,
     is_direction,
     is_number,
     is_pixels,
@@ -18,9 +18,9 @@ from pseudolidar.viewer.checks import (
     is_text,
     is_turn,
     one_of,
+    only,
     or_none,
     vector,
-    vectors,
     within,
 )
 
@@ -30,12 +30,14 @@ MESSAGE_BYTES = 65_536
 # these hold 64 MiB when they are decoded.
 PICTURE_BYTES, MOST_PICTURE_PX = 32 << 20, 1 << 24
 
-_MODIFIER = or_none(is_text)
+# Keys that are held with a click, as viser's page says it.
+_KEYS = ("cmd/ctrl", "alt", "shift")
+_MODIFIER = or_none(one_of(*("+".join(held) for n in (1, 2, 3) for held in combinations(_KEYS, n))))
 _PLACE = vector(3)
 _POSE: dict[str, Check] = {"wxyz": is_turn, "position": _PLACE}
 
 # Fields of the messages that are let in, by type. What is not here is refused: requests for public
-# tunnels, files that nobody asked for, drags of what cannot be dragged.
+# tunnels, files that nobody asked for, clicks and drags that no panel listens to.
 FIELDS: Mapping[str, Mapping[str, Check]] = {
     "ViewerCameraMessage": {
         **_POSE,
@@ -48,20 +50,11 @@ FIELDS: Mapping[str, Mapping[str, Check]] = {
         "up_direction": is_direction,
     },
     "ScenePointerMessage": {
-        "event_type": one_of("click", "rect-select"),
-        "ray_origin": or_none(_PLACE),
-        "ray_direction": or_none(is_direction),
-        "screen_pos": vectors(2, 2),
-        "modifier": _MODIFIER,
-    },
-    "SceneNodeClickMessage": {
-        "name": is_text,
-        "instance_index": or_none(is_count),
+        "event_type": one_of("click"),
         "ray_origin": _PLACE,
         "ray_direction": is_direction,
-        "screen_pos": vector(2),
+        "screen_pos": only(vector(2)),
         "modifier": _MODIFIER,
-        "owner": is_text,
     },
     "TransformControlsUpdateMessage": {"name": is_text, **_POSE, "owner": is_text},
     "TransformControlsDragStartMessage": {"name": is_text, "owner": is_text},
@@ -74,6 +67,7 @@ FIELDS: Mapping[str, Mapping[str, Check]] = {
     },
 }
 
+DRAGS = frozenset(kind for kind in FIELDS if kind.startswith("TransformControls"))
 
 Bound = float | Sequence[float] | None
 
@@ -87,12 +81,14 @@ class Control:
         least: smallest number, or one for each of a vector's; None without such.
         most: largest number, or likewise; None without such.
         options: words to choose from; None without such.
+        rising: whether the numbers of a vector are in order.
     """
 
     value: Any
     least: Bound = None
     most: Bound = None
     options: tuple[str, ...] | None = None
+    rising: bool = False
 
     def takes(self, value: Any) -> bool:
         """Whether a browser may set it to this."""
@@ -103,7 +99,7 @@ class Control:
         if isinstance(self.value, int | float):
             return self._in_range(value, 0)
         if isinstance(self.value, tuple):
-            right = vector(len(self.value))(value)
+            right = vector(len(self.value))(value) and not (self.rising and _falls(value))
             return right and all(self._in_range(one, place) for place, one in enumerate(value))
         return False
 
@@ -118,20 +114,55 @@ def _at(bound: Bound, place: int, none: float) -> float:
     return bound[place] if isinstance(bound, Sequence) else bound
 
 
-def fault_of(
-    message: Any, size: int, control_of: Callable[[str], Control | None], *, pictures_due: int
-) -> str:
+def _falls(values: Sequence[float]) -> bool:
+    return any(before > after for before, after in pairwise(values))
+
+
+class Touchable(Protocol):
+    """What of a page somebody can touch now."""
+
+    def control(self, uuid: str) -> Control | None:
+        """The control with that identity; None where there is none, or it is not to be seen."""
+
+    def handle(self, name: str) -> Control | None:
+        """The place (3,) of a node that can be dragged; None where there is none of that name."""
+
+
+@dataclass(frozen=True)
+class Fault:
     """Why a message is not let in.
+
+    Args:
+        words: one line.
+        late: whether it is of something that was there a moment ago, perhaps: browsers say such
+            things while the page changes, and are not blamed for it.
+    """
+
+    words: str
+    late: bool = False
+
+
+def fault_of(message: Any, size: int, touchable: Touchable, *, pictures_due: int) -> Fault | None:
+    """Why a message is not let in; None where it may pass.
 
     Args:
         message: decoded, of any shape.
         size: bytes of it.
-        control_of: the control with an identity; None where there is none.
+        touchable: what can be touched.
         pictures_due: how many pictures browsers were asked for and have not sent yet.
-
-    Returns:
-        One line; "" where it may pass.
     """
+    words = _fault_of_form(message, size, pictures_due)
+    if words:
+        return Fault(words)
+    if message["type"] == "GuiUpdateMessage":
+        return _fault_of_update(message["updates"], touchable.control(message["uuid"]))
+    if message["type"] in DRAGS:
+        return _fault_of_drag(message, touchable.handle(message["name"]))
+    return None
+
+
+def _fault_of_form(message: Any, size: int, pictures_due: int) -> str:
+    """What is wrong with a message, whatever it is about; "" for nothing."""
     if not isinstance(message, dict) or not isinstance(message.get("type"), str):
         return "no message"
     kind = message["type"]
@@ -150,28 +181,21 @@ def fault_of(
     missing = [name for name in fields if name not in message and name != "owner"]
     if wrong or missing:
         return f"{kind}.{(wrong or missing)[0]} of the wrong kind"
-    if kind == "GuiUpdateMessage":
-        return _fault_of_update(message["uuid"], message["updates"], control_of)
-    if kind == "ScenePointerMessage" and not _is_whole(message):
-        return f"{message['event_type']} without its places"
     return ""
 
 
-def _is_whole(pointed: Mapping[str, Any]) -> bool:
-    """Whether a click has a line of sight and a place, and a rectangle two corners."""
-    if pointed["event_type"] == "click":
-        ray = pointed["ray_origin"], pointed["ray_direction"]
-        return None not in ray and len(pointed["screen_pos"]) == 1
-    return len(pointed["screen_pos"]) == 2
-
-
-def _fault_of_update(
-    uuid: str, updates: Mapping[Any, Any], control_of: Callable[[str], Control | None]
-) -> str:
+def _fault_of_update(updates: Mapping[Any, Any], control: Control | None) -> Fault | None:
     # viser would set any attribute of a control, its callbacks included.
     if set(updates) != {"value"}:
-        return "an update of something other than a value"
-    control = control_of(uuid)
+        return Fault("an update of something other than a value")
     if control is None:
-        return "an update of no control"
-    return "" if control.takes(updates["value"]) else "a value that its control does not have"
+        return Fault("an update of no control", late=True)
+    fits = control.takes(updates["value"])
+    return None if fits else Fault("a value that its control does not have")
+
+
+def _fault_of_drag(message: Mapping[str, Any], handle: Control | None) -> Fault | None:
+    if handle is None:
+        return Fault("a drag of nothing", late=True)
+    fits = "position" not in message or handle.takes(message["position"])
+    return None if fits else Fault("a drag to where nothing goes")

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from pseudolidar.viewer.inbound import MESSAGE_BYTES, Control, fault_of
+from pseudolidar.viewer.inbound import MESSAGE_BYTES, Fault, Touchable, fault_of
 from pseudolidar.viewer.pace import Pace
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 MOST_FAULTS, GOODBYE_S, MOST_LEFT = 8, 1.0, 64
 # What asks for a search through all points; how often that, and all that a browser says, may come:
 # a second in the long run, and at once.
-CLICKS = ("ScenePointerMessage", "SceneNodeClickMessage")
+CLICK = "ScenePointerMessage"
 CLICK_PACE, PACE = (10.0, 20), (120.0, 240)
 
 
@@ -31,17 +31,17 @@ class Listener:
 
     Args:
         connection: of the browser.
-        control_of: the control with an identity; None where there is none.
+        touchable: what can be touched.
         due: how many pictures it was asked for and has not sent.
     """
 
     def __init__(
         self,
         connection: ServerConnection,
-        control_of: Callable[[str], Control | None],
+        touchable: Touchable,
         due: Callable[[], int],
     ) -> None:
-        self._connection, self._control_of, self.due = connection, control_of, due
+        self._connection, self._touchable, self.due = connection, touchable, due
         self._receive = connection.recv
         self._faults = 0
         self._clicks, self._all = Pace(*CLICK_PACE), Pace(*PACE)
@@ -51,16 +51,23 @@ class Listener:
         while True:
             raw = await self._receive()
             message: Any = _decoded(raw) if isinstance(raw, bytes) else None
-            fault = fault_of(message, len(raw), self._control_of, pictures_due=self.due())
-            if isinstance(raw, bytes) and not fault:
+            fault = fault_of(message, len(raw), self._touchable, pictures_due=self.due())
+            if fault is None or fault.late:
                 await self._wait()
-                if message["type"] in CLICKS and not self._clicks.allows(time.monotonic()):
-                    continue  # nobody clicks as often, and late ones mean nothing any more
-                return raw
-            self._faults += 1
-            _log.warning("a browser sent %s", fault)
-            if self._faults > MOST_FAULTS:
-                await self._send_away()
+            if fault is not None:
+                await self._drop(fault)
+                continue
+            if message["type"] == CLICK and not self._clicks.allows(time.monotonic()):
+                continue  # nobody clicks as often, and late ones mean nothing any more
+            assert isinstance(raw, bytes)  # text is no message
+            return raw
+
+    async def _drop(self, fault: Fault) -> None:
+        level = logging.DEBUG if fault.late else logging.WARNING
+        _log.log(level, "a browser sent %s", fault.words)
+        self._faults += not fault.late
+        if self._faults > MOST_FAULTS:
+            await self._send_away()
 
     async def _send_away(self) -> None:
         """Close the connection, and end who listens to it.

@@ -31,22 +31,6 @@ RAY = {"ray_origin": [0.0, 0.0, 0.0], "ray_direction": [1.0, 0.0, 0.0], "modifie
 VALID: list[dict[str, Any]] = [
     CAMERA,
     {"type": "ScenePointerMessage", "event_type": "click", "screen_pos": [[0.5, 0.5]]} | RAY,
-    {
-        "type": "ScenePointerMessage",
-        "event_type": "rect-select",
-        "ray_origin": None,
-        "ray_direction": None,
-        "screen_pos": [[0.1, 0.1], [0.5, 0.5]],
-        "modifier": "shift",
-    },
-    {
-        "type": "SceneNodeClickMessage",
-        "name": "/a",
-        "instance_index": None,
-        "screen_pos": [0.5, 0.5],
-        "owner": "",
-    }
-    | RAY,
     {"type": "TransformControlsUpdateMessage", "name": "/a", "owner": ""} | POSE,
     {"type": "CommandTriggerMessage", "uuid": "c"},
     {
@@ -134,6 +118,8 @@ def test_ten_thousand_messages(caplog: pytest.LogCaptureFixture):
     rng = np.random.default_rng(8)
     updates = updates_of({name: name for name in CONTROLS})
     controls = {name: control for name, (_, control) in CONTROLS.items()}
+    place = Control((0.0, 0.0, 0.0))
+    touchable = SimpleNamespace(control=controls.get, handle={"/a": place}.get)
     messages = (mangled(rng, updates) for _ in range(COUNT))
     passed, sent_away = list[bytes](), 0
 
@@ -141,7 +127,7 @@ def test_ten_thousand_messages(caplog: pytest.LogCaptureFixture):
         nonlocal sent_away
         while True:
             said = Said(messages)
-            listener = Listener(said, controls.get, lambda: 1)  # type: ignore[arg-type]
+            listener = Listener(said, touchable, lambda: 1)  # type: ignore[arg-type]
             with suppress(ConnectionClosed):
                 while True:
                     passed.append(await listener.recv())

@@ -1,6 +1,7 @@
 """What browsers may say, message by message."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,11 +18,27 @@ CONTROLS = {
     "text": Control("a"),
     "choice": Control("a", options=("a", "b")),
     "vector": Control((0.0, 1.0), 0.0, 1.0),
+    "range": Control((0.0, 1.0), 0.0, 9.0, rising=True),
 }
+HANDLES = {"/box": Control((0.0, 0.0, 0.0), (-1.0, -1.0, -1.0), (1.0, 1.0, 2.0))}
+TOUCHABLE = SimpleNamespace(control=CONTROLS.get, handle=HANDLES.get)
 
 
 def fault(message: object, size: int = 100, due: int = 0) -> str:
-    return fault_of(message, size, CONTROLS.get, pictures_due=due)
+    found = fault_of(message, size, TOUCHABLE, pictures_due=due)
+    return "" if found is None else found.words
+
+
+def drag(name: str, *position: float) -> dict[str, object]:
+    turned = {"wxyz": [1.0, 0.0, 0.0, 0.0], "position": list(position), "owner": ""}
+    return {"type": "TransformControlsUpdateMessage", "name": name} | turned
+
+
+def click(**changes: object) -> dict[str, object]:
+    where = {"ray_origin": [0.0] * 3, "ray_direction": [1.0, 0, 0], "screen_pos": [[0.5, 0.5]]}
+    return (
+        {"type": "ScenePointerMessage", "event_type": "click", "modifier": None} | where | changes
+    )
 
 
 def update(uuid: object, **updates: object) -> dict[str, object]:
@@ -39,7 +56,12 @@ def update(uuid: object, **updates: object) -> dict[str, object]:
         update("text", value="b" * TEXT_LENGTH),
         update("choice", value="b"),
         update("vector", value=[0.0, 1.0]),
+        update("range", value=[2.0, 2.0]),
         {"type": "CommandTriggerMessage", "uuid": "x"},
+        click(),
+        click(modifier="cmd/ctrl+shift"),
+        drag("/box", 0.5, -1.0, 2.0),
+        {"type": "TransformControlsDragEndMessage", "name": "/box", "owner": ""},
     ],
 )
 def test_what_a_browser_says_passes(message: dict[str, object]):
@@ -84,12 +106,39 @@ def test_what_a_browser_says_passes(message: dict[str, object]):
         update("vector", value=[0.0, 2.0]),
         update("vector", value=[0.0, 1.0, 1.0]),
         update("vector", value="01"),
+        update("range", value=[3.0, 2.0]),
         update("nobody", value=1),
+        click(event_type="rect-select", screen_pos=[[0.1, 0.1], [0.2, 0.2]]),
+        click(screen_pos=[]),
+        click(screen_pos=[[0.1, 0.1], [0.2, 0.2]]),
+        click(ray_origin=None),
+        click(ray_direction=[0.0, 0.0, 0.0]),
+        click(modifier="shift+alt+shift"),
+        {"type": "SceneNodeClickMessage", "name": "/box"},
+        drag("/box", 0.0, 0.0, 2.1),
+        drag("/box", 0.0, 0.0),
+        drag("/map", 0.0, 0.0, 0.0),
+        {"type": "TransformControlsDragStartMessage", "name": "/map", "owner": ""},
         update(3, value=1),
     ],
 )
 def test_what_no_browser_of_ours_says_is_refused(message: object):
     assert fault(message)
+
+
+def test_nobody_is_blamed_for_what_was_there_a_moment_ago():
+    for message in (update("nobody", value=1), drag("/map", 0.0, 0.0, 0.0)):
+        late = fault_of(message, 100, TOUCHABLE, pictures_due=0)
+        assert late is not None
+        assert late.late
+    for message in (
+        update("slider", value=11),
+        update("nobody", value=1, more=1),
+        drag("/box", 9, 9, 9),
+    ):
+        wrong = fault_of(message, 100, TOUCHABLE, pictures_due=0)
+        assert wrong is not None
+        assert not wrong.late
 
 
 def test_long_messages_are_refused_except_pictures_that_were_asked_for():
