@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from pseudolidar.pipelines.view import View, means_of
@@ -23,7 +24,7 @@ from pseudolidar.viewer.octree.build import built
 from pseudolidar.viewer.on_page import OnPage
 from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.stills import StillCloud, StillOctree, StillPath
-from tests.viewer.clients import cookie, get
+from tests.viewer.clients import CAMERA, cookie, get, looking, wait_until
 
 # Kinds of controls that there are, each of which was thought about here.
 KINDS = {
@@ -174,13 +175,22 @@ def test_handles_of_boxes_go_no_farther_than_they_may(app: App, on_page: OnPage)
     assert on_page.handle("/map/rig") is None
     assert on_page.handle("/map/handles") is None  # no box, no handles
     region = Region(np.eye(4), np.ones(3))
-    drawn = DrawnRegion(app.view.server.viser.scene, lambda _T: None)
+    moved = list[np.ndarray]()
+    drawn = DrawnRegion(app.view.server.viser.scene, moved.append)
     drawn.show(region, handles=True)
     handle = on_page.handle("/map/handles")
     assert handle is not None
     assert handle.takes((1.0, 2.0, -3.0))
     for place in range(3):
         assert not handle.takes(tuple(np.eye(3)[place] * 1.001 * FARTHEST_M))
+    turned = {"wxyz": [1.0, 0.0, 0.0, 0.0], "owner": ""}
+    with looking(app.view.server) as client:
+        client.send(msgspec.msgpack.encode(CAMERA))
+        for place in ([2 * FARTHEST_M, 0.0, 0.0], [1.0, 2.0, 3.0]):
+            message = {"type": "TransformControlsUpdateMessage", "name": "/map/handles"}
+            client.send(msgspec.msgpack.encode(message | turned | {"position": place}))
+        wait_until(lambda: bool(moved))
+    assert [tuple(T[:3, 3]) for T in moved] == [(1.0, 2.0, 3.0)]
     drawn.show(region, handles=False)
     assert on_page.handle("/map/handles") is None
 
