@@ -10,7 +10,7 @@ from pseudolidar.viewer.view import View
 
 KEYS = """
 | key | what it does |
-|---|---|
+|:---|:---|
 """
 TIME_KEYS = """| K | play, pause |
 | J, L | frame before, next frame |
