@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -13,6 +11,7 @@ import numpy as np
 from pseudolidar.geometry.twists import inverted
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.viewer.browsers import Browsers
 from pseudolidar.viewer.colouring import Colouring
 from pseudolidar.viewer.octree.chosen import (
     Eye,
@@ -28,9 +27,7 @@ from pseudolidar.viewer.stage import MAP, STILL_LOOK, Stage
 from pseudolidar.viewer.stills import SHARED_POINTS
 
 if TYPE_CHECKING:
-    from viser import CameraHandle, ClientHandle, PointCloudHandle, ViserServer
-
-_log = logging.getLogger(__name__)
+    from viser import ClientHandle, PointCloudHandle, ViserServer
 
 # Points of all large clouds that a browser draws, if nobody says otherwise.
 BUDGET_POINTS = 2_000_000
@@ -74,15 +71,15 @@ class DrawnOctrees:
     def __init__(self, server: ViserServer, stage: Stage, trees: Mapping[str, Octree]) -> None:
         self._server, self._stage, self._trees = server, stage, trees
         self._shared = {name: tree.coarsest(SHARED_POINTS) for name, tree in trees.items()}
-        self._lookers: dict[int, Looker] = {}
-        self._awake, self._ended = threading.Event(), threading.Event()
         self.budget = BUDGET_POINTS
-        self._thread: threading.Thread | None = None
+        self._browsers: Browsers[Looker] | None = None
         if trees:
-            server.on_client_connect(self._connected)
-            server.on_client_disconnect(self._gone)
-            self._thread = threading.Thread(target=self._run, name="octrees", daemon=True)
-            self._thread.start()
+            self._browsers = Browsers(server, Looker, self._draw, name="octrees", pause_s=PAUSE_S)
+
+    @property
+    def lookers(self) -> Mapping[int, Looker]:
+        """What each browser has, by its number."""
+        return {} if self._browsers is None else self._browsers.lookers
 
     @property
     def points(self) -> int:
@@ -96,14 +93,13 @@ class DrawnOctrees:
 
     def wake(self) -> None:
         """Look again what is to be drawn: something has changed."""
-        self._awake.set()
+        if self._browsers is not None:
+            self._browsers.wake()
 
     def close(self) -> None:
         """Draw nothing more."""
-        self._ended.set()
-        self._awake.set()
-        if self._thread is not None:
-            self._thread.join()
+        if self._browsers is not None:
+            self._browsers.close()
 
     def pickable(
         self, origin: Float64, direction: Float64
@@ -144,13 +140,13 @@ class DrawnOctrees:
 
     def drawn_points(self, client_id: int) -> int:
         """How many points a browser draws besides those that all of them draw."""
-        looker = self._lookers.get(client_id)
+        looker = self.lookers.get(client_id)
         shown = [] if looker is None else [n for n, h in list(looker.has.items()) if h.visible]
         return sum(self._count(node) for node in shown)
 
     def seen(self, client: ClientHandle) -> Mapping[str, PointCloud]:
         """The points that a browser has on its page, by name; none before it says how it looks."""
-        looker, eye = self._lookers.get(client.client_id), self._eye(client)
+        looker, eye = self.lookers.get(client.client_id), self._eye(client)
         if looker is None or eye is None:
             return {}
         drawn = [node for node, handle in list(looker.has.items()) if handle.visible]
@@ -168,32 +164,6 @@ class DrawnOctrees:
     def has_room(self, client: ClientHandle) -> bool:
         """Whether a browser has taken most of what it was sent."""
         return _waiting(client) <= MOST_WAITING
-
-    def _connected(self, client: ClientHandle) -> None:
-        self._lookers[client.client_id] = Looker(client)
-
-        # In the loop of viser itself, since it only leaves word.
-        async def moved(_: CameraHandle) -> None:
-            self._awake.set()
-
-        client.camera.on_update(moved)
-        self._awake.set()
-
-    def _gone(self, client: ClientHandle) -> None:
-        self._lookers.pop(client.client_id, None)
-
-    def _run(self) -> None:
-        while not self._ended.is_set():
-            self._awake.wait()
-            self._awake.clear()
-            more = False
-            for looker in list(self._lookers.values()):
-                try:
-                    more |= self._draw(looker)
-                except Exception:  # one that is gone, or odd, must not keep others from drawing
-                    _log.exception("octrees cannot be drawn for a browser")
-            if more and not self._ended.wait(PAUSE_S):
-                self._awake.set()
 
     def _draw(self, looker: Looker) -> bool:
         """Send what is missing most; whether something is missing still."""

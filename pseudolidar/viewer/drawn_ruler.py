@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import logging
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pseudolidar.viewer.browsers import Browsers
 from pseudolidar.viewer.octree.chosen import Eye
 from pseudolidar.viewer.scales.ruler import PIECES, Ruler
 
 if TYPE_CHECKING:
-    from viser import CameraHandle, ClientHandle, ViserServer
-
-_log = logging.getLogger(__name__)
+    from viser import ClientHandle, ViserServer
 
 # A view that moves is looked at no more often, s.
 PAUSE_S = 0.1
@@ -50,12 +47,8 @@ class DrawnRuler:
 
     def __init__(self, server: ViserServer, level_m: Callable[[], float]) -> None:
         self._level_m = level_m
-        self._lookers: dict[int, Looker] = {}
         self._shown = True
-        self._awake, self._ended = threading.Event(), threading.Event()
-        server.on_client_connect(self._connected)
-        server.on_client_disconnect(self._gone)
-        self._thread: threading.Thread | None = None
+        self._browsers = Browsers(server, Looker, self._draw, name="ruler", pause_s=PAUSE_S)
 
     def show(self, *, shown: bool) -> None:
         """Draw it, or not."""
@@ -64,56 +57,26 @@ class DrawnRuler:
 
     def wake(self) -> None:
         """Look again where it is to be: something has changed."""
-        self._awake.set()
+        self._browsers.wake()
 
     def close(self) -> None:
         """Draw nothing more."""
-        self._ended.set()
-        self._awake.set()
-        if self._thread is not None:
-            self._thread.join()
+        self._browsers.close()
 
     def of(self, client_id: int) -> Ruler | None:
         """The bar that a browser has; None for none."""
-        looker = self._lookers.get(client_id)
+        looker = self._browsers.lookers.get(client_id)
         return None if looker is None or not self._shown else looker.ruler
 
-    def _connected(self, client: ClientHandle) -> None:
-        self._lookers[client.client_id] = Looker(client)
-
-        # In the loop of viser itself, since it only leaves word.
-        async def moved(_: CameraHandle) -> None:
-            self._awake.set()
-
-        client.camera.on_update(moved)
-        if self._thread is None and not self._ended.is_set():
-            self._thread = threading.Thread(target=self._run, name="ruler", daemon=True)
-            self._thread.start()
-        self._awake.set()
-
-    def _gone(self, client: ClientHandle) -> None:
-        self._lookers.pop(client.client_id, None)
-
-    def _run(self) -> None:
-        while not self._ended.is_set():
-            self._awake.wait()
-            self._awake.clear()
-            for looker in list(self._lookers.values()):
-                try:
-                    self._draw(looker)
-                except Exception:  # one that is gone, or odd, must not keep others from drawing
-                    _log.exception("the scale bar cannot be drawn for a browser")
-            self._ended.wait(PAUSE_S)
-
-    def _draw(self, looker: Looker) -> None:
+    def _draw(self, looker: Looker) -> bool:
         for node in looker.nodes:
             node.visible = self._shown
         eye, look_at = _view_of(looker.client)
         if not self._shown or eye is None:
-            return
+            return False
         ruler = Ruler.before(eye, look_at, self._level_m())
         if ruler == looker.ruler:
-            return
+            return False
         if not looker.nodes:
             looker.nodes = _nodes(looker.client.scene, ruler)
         looker.ruler = ruler
@@ -121,6 +84,7 @@ class DrawnRuler:
         bar.points, marks.points = ruler.pieces, ruler.marks
         for node, (text, place) in zip(words, ruler.ends, strict=True):
             node.text, node.position = text, place
+        return False
 
 
 def _view_of(client: ClientHandle) -> tuple[Eye | None, Any]:

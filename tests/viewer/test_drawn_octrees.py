@@ -67,8 +67,8 @@ def until(true: Callable[[], bool]) -> None:
 
 
 def looker(app: App) -> Looker:
-    until(lambda: bool(app.octrees._lookers))
-    return next(iter(app.octrees._lookers.values()))
+    until(lambda: bool(app.octrees.lookers))
+    return next(iter(app.octrees.lookers.values()))
 
 
 def numbers_shown(app: App) -> set[int]:

@@ -110,7 +110,7 @@ def browser(app: App) -> SimpleNamespace:
         send_file_download=lambda name, data, **_: sent.__setitem__(name, data),
         sent=sent,
     )
-    app.octrees._lookers[7] = Looker(client)  # type: ignore[arg-type]
+    app.octrees._browsers.lookers[7] = Looker(client)  # type: ignore
     return client
 
 
