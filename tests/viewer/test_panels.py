@@ -83,3 +83,10 @@ def test_a_viewer_that_cannot_be_made_serves_nothing(monkeypatch: pytest.MonkeyP
         pass
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.1", ports[0]), timeout=1)
+
+
+def test_clouds_without_pictures_have_no_empty_frame_for_them():
+    frames = Frames()
+    with App.made(Address(port=0), Opened((frames,))) as app:
+        app.view.show(frames.load(0))
+        assert not app.picture._folder.visible

@@ -55,7 +55,9 @@ class PicturePanel:
             "/picture/pixel": self._pixel,
             "/picture/measure": self._measure,
         }
-        with view.gui.add_folder("Pictures"):
+        # Clouds that nobody took pictures of leave its room to the rest of the page.
+        self._folder = view.gui.add_folder("Pictures", visible=False)
+        with self._folder:
             self._frame = view.gui.add_html(framed(MOST_PX))
         view.on_shown(self._fit)
 
@@ -87,9 +89,11 @@ class PicturePanel:
         return self._sights(moment.converted.frame)
 
     def _fit(self, moment: Moment) -> None:
-        """Make the page as high as pictures of this shape need."""
+        """Show the page with the first pictures, as high as those of this shape need."""
         if moment.converted is None or not kinds(moment.converted):
             return
+        if not self._folder.visible:
+            self._folder.visible = True
         camera = camera_of(moment.converted.frame)
         picture_px = round(WIDE_PX * camera.height_px / camera.width_px)
         page = framed(min(picture_px + WORDS_PX, MOST_PX))
