@@ -10,6 +10,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.frames import Opcode
 
 from pseudolidar.viewer.inbound import MESSAGE_BYTES, PICTURE_BYTES
+from pseudolidar.viewer.leftovers import Leftovers
 
 # Connections at the same time, pages and what has not asked yet included.
 MOST_CONNECTIONS = 128
@@ -26,10 +27,18 @@ class Connection(ServerConnection):
 
     websockets pings, and gives up where no answer comes in time; behind a large cloud on a slow
     line the answer comes late. Here the line is judged by whether anything is taken at all.
+
+    Args:
+        given: as websockets gives them; so are the settings.
+        leftovers: of all connections of the server.
     """
 
     # Whether a picture was asked for that this one has not sent.
     is_due: Callable[[], bool] = staticmethod(bool)
+
+    def __init__(self, *given: Any, leftovers: Leftovers, **settings: Any) -> None:
+        super().__init__(*given, **settings)
+        self._leftovers = leftovers
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Wait for a request, unless there are too many already."""
@@ -40,9 +49,10 @@ class Connection(ServerConnection):
             self.transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Wait for nothing."""
+        """Wait for nothing, and have freed what is left."""
         self._timer.cancel()
         super().connection_lost(exc)
+        self._leftovers.come(self.loop)
 
     def data_received(self, data: bytes) -> None:
         """Take large messages only while a picture is due."""

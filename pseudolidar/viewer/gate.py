@@ -6,6 +6,7 @@ import contextlib
 import logging
 import socket
 from collections.abc import Awaitable, Callable, Iterator, Mapping
+from functools import partial
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ from pseudolidar.viewer.answers import (
 )
 from pseudolidar.viewer.guard import Admitted, Guard, Refused
 from pseudolidar.viewer.inbound import MESSAGE_BYTES
+from pseudolidar.viewer.leftovers import Leftovers
 from pseudolidar.viewer.listener import Listener
 from pseudolidar.viewer.on_page import OnPage
 
@@ -89,7 +91,7 @@ class Gate:
             self._reached = True
             settings |= {
                 "process_request": self._judge_by(settings["process_request"]),
-                "create_connection": Connection,
+                "create_connection": partial(Connection, leftovers=Leftovers()),
                 "open_timeout": None,
                 "close_timeout": CLOSE_S,
                 "max_size": MESSAGE_BYTES,

@@ -40,4 +40,4 @@ if __name__ == "__main__":
     opening.recognise = _small
     if kept_bytes := int(sys.argv.pop(1)):
         _leak(kept_bytes)
-    sys.exit(cli.main())
+    cli.program()
