@@ -29,7 +29,7 @@ from pseudolidar.obstacles.detectors import AnyDetector
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY
 from pseudolidar.running.matching import MatchFrame, Refining
-from pseudolidar.running.memory import give_back_freed_memory
+from pseudolidar.running.memory import give_back_freed_memory, leave_loaded_out_of_searches
 from pseudolidar.running.nearness import Searching
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.running.settings_json import from_json
@@ -243,6 +243,7 @@ def run(job: View) -> ViewReport:
         print(app.url, file=sys.stderr, flush=True)  # noqa: T201 - printed at once, not at the end
         if job.browser:
             webbrowser.open(app.url)
+        leave_loaded_out_of_searches()
         app.wait()
     return ViewReport()
 
