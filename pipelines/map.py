@@ -271,6 +271,7 @@ def run(job: Map) -> MapReport | Rehearsal:
         made = mapped(job, source, walked.pieces, rig, recording)
         if onlooker is not None:
             onlooker.lay(WHOLE_NAME, made.shown)
+            onlooker.lay_mesh(made.mesh)
     if run.result().ended_early:
         return MapReport.stopped(run.result(), job.out)
     forget_work(job, run)
@@ -343,6 +344,7 @@ def mapped(
         mesh = builder.mesh.extract()
         files = job.mesh_to.write(job.out, mesh)
         made = made.also(files, {"mesh": mesh_figures(mesh, builder.mesh.voxel_m)})
+        made = replace(made, mesh=max(files, default=None))  # a PLY, where it is one of them
     if builder.occupancy is not None:
         files, figures, grid = write_occupancy(job.out, builder.occupancy)
         made = replace(made.also(files, {"occupancy": figures}), grid=grid)

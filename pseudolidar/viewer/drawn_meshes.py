@@ -39,15 +39,13 @@ class DrawnMeshes:
 
     def __init__(self, server: ViserServer, stage: Stage) -> None:
         self._scene, self._stage = server.scene, stage
-        self._meshes = {s.name: s for s in stage.every_still if isinstance(s, StillMesh)}
-        self._near = {name: self._near_origin(one.mesh) for name, one in self._meshes.items()}
+        self._meshes: dict[str, StillMesh] = {}
+        self._near: dict[str, Mesh] = {}
         self._surfaces: dict[str, Any] = {}
         self._edges: dict[str, Any] = {}
         self._coloured: dict[str, Colouring] = {}
         self._work: Latest[Mapping[str, Colouring]] = Latest(self._colour_all, name="meshes")
-        for name, one in self._meshes.items():
-            colouring = Colouring("height") if one.mesh.rgb is None else Colouring()
-            stage.looks.setdefault(name, Look(colouring))
+        self._take_new()
         self._colour_all(self._settled(), lambda: False)
 
     @property
@@ -57,6 +55,7 @@ class DrawnMeshes:
 
     def redraw(self) -> None:
         """Draw as looks say now; in other colours when they are made, a second for a million."""
+        self._take_new()
         wanted = self._settled()
         if any(self._coloured.get(name) != colouring for name, colouring in wanted.items()):
             self._work.ask(wanted)
@@ -101,6 +100,16 @@ class DrawnMeshes:
             for name, place in found.items()
             if place is not None
         }
+
+    def _take_new(self) -> None:
+        """Meshes that were laid on the stage since."""
+        for one in self._stage.every_still:
+            if isinstance(one, StillMesh) and one.name not in self._meshes:
+                self._near[one.name] = self._near_origin(one.mesh)
+                colouring = Colouring("height") if one.mesh.rgb is None else Colouring()
+                self._stage.looks.setdefault(one.name, Look(colouring))
+                # Who goes through them in another thread goes on with those it began with.
+                self._meshes = {**self._meshes, one.name: one}
 
     def _settled(self) -> Mapping[str, Colouring]:
         """How the surfaces that are drawn are coloured, with ends that suit them."""

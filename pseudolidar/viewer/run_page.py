@@ -12,8 +12,10 @@ import logging
 import sys
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
+from pseudolidar.errors import PseudolidarError
 from pseudolidar.running.lingering import after_results
 from pseudolidar.running.live.newest import Newest
 from pseudolidar.sources.source import FrameSequence
@@ -21,6 +23,7 @@ from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.structures.recorded import Frame
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.live_reel import LiveReel
+from pseudolidar.viewer.meshes import read_still_mesh
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.stills import StillCloud
 
@@ -70,6 +73,15 @@ class RunPage(Newest[Shown]):
         """Draw what the run has made of all frames, such as a map; nothing of nothing."""
         if cloud is not None:
             self._app.view.lay(StillCloud(name, cloud))
+
+    def lay_mesh(self, path: Path | None) -> None:
+        """Draw the mesh of a file, which the run has made; nothing of nothing."""
+        if path is None:
+            return
+        try:
+            self._app.view.lay(read_still_mesh(path.stem, path))
+        except PseudolidarError as error:  # such as one of more triangles than are drawn
+            _log.warning("%s is not shown: %s", path, error)
 
     def finish(self) -> None:
         """Say that the run has ended."""

@@ -17,6 +17,7 @@ from pseudolidar.pipelines.convert import Convert
 from pseudolidar.pipelines.convert import run as convert
 
 from pseudolidar.errors import UsageError
+from pseudolidar.formats.meshes.mesh_file import ENCODERS
 from pseudolidar.running import lingering
 from pseudolidar.running.products.outputs import Outputs
 from pseudolidar.sources.synthetic import Synthetic
@@ -25,6 +26,7 @@ from pseudolidar.viewer.drawn_path import segments_of
 from pseudolidar.viewer.live_reel import LiveReel
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.run_page import NOBODY_S, PAUSE_S, SHARE, RunPage, run_page
+from tests.viewer.test_meshes import roof
 
 SOURCE = Synthetic("street", frames=3, width_px=128, height_px=64)
 
@@ -120,6 +122,21 @@ def test_the_way_grows_and_a_map_is_laid_down(
     until(lambda: "map" in onlooker._app.scene._folders)
     assert set(view.stage.stills) == {"map"}
     assert drawing == ["viewer"]
+
+
+def test_a_mesh_is_laid_down_and_one_that_cannot_be_drawn_ends_nothing(
+    onlooker: RunPage[int], tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
+    app, kept, torn = onlooker._app, tmp_path / "mesh.ply", tmp_path / "torn.ply"
+    kept.write_bytes(ENCODERS["ply"](roof()))
+    torn.write_bytes(kept.read_bytes()[:-5])
+    for path in (torn, None, kept):
+        onlooker.lay_mesh(path)
+    until(lambda: "mesh" in app.scene._folders)
+    until(lambda: "mesh" in app.meshes._surfaces)
+    assert set(app.meshes.points) == {"mesh"}
+    assert app.scene._surfaces.visible
+    assert "torn.ply is not shown" in caplog.text
 
 
 def test_a_page_tells_how_far_the_run_is_and_stays_where_it_is_told_to(

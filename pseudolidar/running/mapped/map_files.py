@@ -31,12 +31,14 @@ class Made:
         figures: of the map.
         shown: points of the map, all or evenly chosen; None of a map without any.
         grid: flat map for robots; None where none was made.
+        mesh: its file; None where none was made.
     """
 
     files: tuple[Path, ...] = ()
     figures: Mapping[str, Any] = field(default_factory=dict)
     shown: PointCloud | None = None
     grid: OccupancyGrid | None = None
+    mesh: Path | None = None
 
     def also(self, files: tuple[Path, ...], figures: Mapping[str, Any] | None = None) -> Made:
         """With more files, and more figures."""

@@ -36,15 +36,14 @@ class ScenePanel:
     def __init__(
         self, view: View, meshes: DrawnMeshes, ground: DrawnGround, ruler: DrawnRuler
     ) -> None:
-        self._view = view
+        self._view, self._meshes = view, meshes
         self._folders: dict[str, ColourControls] = {}
         gui = view.gui
         view.stage.looks.setdefault(VELODYNE, SCAN_LOOK)
         self._clouds = gui.add_folder("Clouds", visible=False)
-        if meshes.points:
-            with gui.add_folder("Meshes"):
-                for name, points in meshes.points.items():
-                    self._add_mesh(name, points)
+        self._surfaces = gui.add_folder("Meshes", visible=False)
+        for name, points in meshes.points.items():
+            self._add_mesh(name, points)
         with gui.add_folder("Scene", expand_by_default=False):
             follow = gui.add_checkbox("Follow the rig", initial_value=True)
             axes = gui.add_checkbox("Axes", initial_value=True)
@@ -76,6 +75,9 @@ class ScenePanel:
         for name, cloud in self._view.stage.stills.items():
             if name not in self._folders:  # laid down meanwhile
                 self._add(name, cloud)
+        for name, points in self._meshes.points.items():
+            if name not in self._folders:
+                self._add_mesh(name, points)
         for controls in self._folders.values():
             controls.show()
 
@@ -91,7 +93,8 @@ class ScenePanel:
 
     def _add_mesh(self, name: str, points: PointCloud) -> None:
         gui, look = self._view.gui, self._view.stage.look(name)
-        with gui.add_folder(name):
+        self._surfaces.visible = True
+        with self._surfaces, gui.add_folder(name):
             controls = self._folders[name] = ColourControls(self._view, name, points)
             edges = gui.add_checkbox("Wireframe", initial_value=look.edges)
         controls.show()
