@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.frames import ODOM
 from pseudolidar.geometry.twists import gone_on, inverted, log_twist
-from pseudolidar.mapping.alignment import Alignment, Prior, align, lying_at
-from pseudolidar.mapping.disparity_offset import Offset
-from pseudolidar.mapping.fused_path import FusedPath, FusedStep, Place, VisionPart, step_between
+from pseudolidar.mapping.alignment import Prior, align, lying_at
+from pseudolidar.mapping.fused_path import FusedPath, FusedStep, Place, step_between
 from pseudolidar.mapping.fused_sight import Anchor, FusedSight
 from pseudolidar.mapping.integrity import StepCheck, checked
 from pseudolidar.mapping.kiss_library import load_kiss
 from pseudolidar.mapping.registered import Registered
 from pseudolidar.mapping.scan_witness import ScanPlanes, ScanWitness
 from pseudolidar.mapping.second_look import SecondLook
+from pseudolidar.mapping.seeing import Seeing
 from pseudolidar.mapping.surface_map import SurfaceMap, Surfaces
+from pseudolidar.mapping.vision_prior import agreed_step, prior_by
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.box import Detection
 from pseudolidar.structures.camera import StereoRig
@@ -34,32 +34,6 @@ from pseudolidar.structures.pose import Pose, Trajectory
 VOXEL_M, REACH_M, FIRST_THRESHOLD_M = 0.4, 40.0, 0.15
 # Patches are matched within so many of KISS-ICP's thresholds.
 WITHIN_THRESHOLDS = 3.0
-# How well a step is known that took a wrong one's place, one standard deviation, m and rad.
-REPLACED_M, REPLACED_RAD = 0.02, 0.002
-
-
-class Seeing(Protocol):
-    """What tells steps by pictures, as `VisualChain` does."""
-
-    @property
-    def correction(self) -> DisparityCorrection | None:
-        """What should be taken off disparities by now."""
-        ...
-
-    @property
-    def offset(self) -> Offset:
-        """What is known of the rig's disparity offset by now."""
-        ...
-
-    def register(
-        self, frame: StereoFrame, disparity: DisparityMap, movable: Sequence[Detection] = ()
-    ) -> OdometryState:
-        """Where the next frame was taken."""
-        ...
-
-    def trajectories(self) -> tuple[Trajectory, ...]:
-        """Poses with all that is known by now, piece by piece."""
-        ...
 
 
 class FusedChain:
@@ -170,7 +144,8 @@ class FusedChain:
         surfaces = self._map.surfaces()
         within_m = WITHIN_THRESHOLDS * float(self._threshold.get_threshold())
         check = self._checked(step, seen, anchor, surfaces, within_m)
-        prior = self._prior(step, check, anchor, with_offset=seen.scan is not None)
+        offset_px = self._visual.offset.sigma_px if seen.scan else 0.0
+        prior = prior_by(step, check, anchor, offset_px=offset_px)
         by_scan = self._scans.align(seen.scan, prior) if seen.scan else None
         found = by_scan or align(seen.some, surfaces, prior, within_m=within_m)
         self._threshold.update_model_deviation(inverted(prior.T_odom_sensor) @ found.T_odom_sensor)
@@ -179,7 +154,7 @@ class FusedChain:
             step = replace(step, covariance=doubt, by_offset=np.zeros(6))
         # A scan has put right by then what vision learns later of the rig.
         follows = float(not check.wrong and by_scan is None)
-        fused = _fused(anchor, step, prior, found, follows=follows)
+        fused = agreed_step(anchor, step, prior, found, follows=follows)
         last = self._path.last
         now = self._path.add(seen.timestamp_ns, fused, anchor.place)
         told = self._told(state, fused, anchor.place, last, now)
@@ -211,19 +186,6 @@ class FusedChain:
             map_score,
         )
 
-    def _prior(
-        self, step: CameraStep, check: StepCheck, anchor: Anchor, *, with_offset: bool
-    ) -> Prior:
-        """What vision knows; the offset's doubt is none of patches, which share it."""
-        T_prior = anchor.place.T_odom_camera @ check.T_from_to
-        if check.wrong:
-            return Prior.within(T_prior, metres=REPLACED_M, rad=REPLACED_RAD)
-        covariance = step.covariance
-        if with_offset:
-            by_offset = step.by_offset * self._visual.offset.sigma_px
-            covariance = covariance + np.outer(by_offset, by_offset)
-        return Prior(T_prior, np.asarray(np.linalg.inv(covariance)))
-
     def _told(
         self, state: OdometryState, step: FusedStep, start: Place, last: Place, now: Place
     ) -> OdometryState:
@@ -241,18 +203,3 @@ class FusedChain:
             covariance=now.doubt.total(self._visual.offset),
             piece=len(self._pieces) - 1,
         )
-
-
-def _fused(
-    anchor: Anchor, step: CameraStep, prior: Prior, found: Alignment, *, follows: float
-) -> FusedStep:
-    """The step that was found, and how far it follows vision's when that is put right."""
-    total = np.asarray(np.linalg.inv(found.information))
-    gain = total @ prior.information
-    others = found.information - prior.information
-    return FusedStep(
-        inverted(anchor.place.T_odom_camera) @ found.T_odom_sensor,
-        gain @ step.covariance @ gain.T + total @ others @ total,
-        gain @ step.by_offset,
-        VisionPart(anchor.piece, anchor.frame, anchor.frame + 1, step.T_from_to, follows * gain),
-    )
