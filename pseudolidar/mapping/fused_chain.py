@@ -10,12 +10,13 @@ import numpy as np
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.frames import ODOM
 from pseudolidar.geometry.twists import gone_on, inverted, log_twist
-from pseudolidar.mapping.alignment import Prior, align, lying_at
+from pseudolidar.mapping.alignment import Alignment, Prior, align, lying_at
 from pseudolidar.mapping.fused_path import FusedPath, FusedStep, Place, step_between
 from pseudolidar.mapping.fused_sight import Anchor, FusedSight
-from pseudolidar.mapping.integrity import StepCheck, checked
+from pseudolidar.mapping.integrity import StepCheck, checked, step_check
 from pseudolidar.mapping.kiss_library import load_kiss
 from pseudolidar.mapping.registered import Registered
+from pseudolidar.mapping.scan_overrule import lying_elsewhere
 from pseudolidar.mapping.scan_witness import ScanPlanes, ScanWitness
 from pseudolidar.mapping.second_look import SecondLook
 from pseudolidar.mapping.seeing import Seeing
@@ -125,11 +126,20 @@ class FusedChain:
         twist = self._twist_per_s
         if scan is None or twist is None or self._lost > self._reach:
             return None
+        found = self._scans.alone(scan, self._gone_on(timestamp_ns, twist))
+        return None if found is None else self._laid(state, timestamp_ns, scan, found)
+
+    def _gone_on(self, timestamp_ns: int, twist_per_s: Float64) -> Float64:
+        """(4, 4) where the sensors would go on to."""
         last = self._path.last
         seconds = (timestamp_ns - last.timestamp_ns) / NS_PER_S
-        found = self._scans.alone(scan, gone_on(last.T_odom_camera, twist, seconds))
-        if found is None:
-            return None
+        return gone_on(last.T_odom_camera, twist_per_s, seconds)
+
+    def _laid(
+        self, state: OdometryState, timestamp_ns: int, scan: ScanPlanes, found: Alignment
+    ) -> Registered:
+        """The frame where its scan was found to lie."""
+        last = self._path.last
         T_from_to = inverted(last.T_odom_camera) @ found.T_odom_sensor
         covariance = np.asarray(np.linalg.inv(found.information))
         step = FusedStep(T_from_to, covariance, np.zeros(6))
@@ -147,6 +157,9 @@ class FusedChain:
         offset_px = self._visual.offset.sigma_px if seen.scan else 0.0
         prior = prior_by(step, check, anchor, offset_px=offset_px)
         by_scan = self._scans.align(seen.scan, prior) if seen.scan else None
+        overruled = self._overruled(state, check, seen, anchor, by_scan)
+        if overruled is not None:
+            return overruled
         found = by_scan or align(seen.some, surfaces, prior, within_m=within_m)
         self._threshold.update_model_deviation(inverted(prior.T_odom_sensor) @ found.T_odom_sensor)
         if check.wrong:
@@ -158,11 +171,40 @@ class FusedChain:
         last = self._path.last
         now = self._path.add(seen.timestamp_ns, fused, anchor.place)
         told = self._told(state, fused, anchor.place, last, now)
-        self._map.add(seen.mapped_xyz, found.T_odom_sensor)
         if seen.scan:
             self._scans.remember(seen.scan, found.T_odom_sensor)
-        self._anchor = Anchor(seen, self._path.last, anchor.piece, anchor.frame + 1)
+        self._go_on_from(seen, anchor)
         return Registered(told, check, found, "vision" if by_scan is None else "vision and scan")
+
+    def _overruled(
+        self,
+        state: OdometryState,
+        check: StepCheck,
+        seen: FusedSight,
+        anchor: Anchor,
+        by_scan: Alignment | None,
+    ) -> Registered | None:
+        """The frame where its scan lies, if that is elsewhere than by vision's step."""
+        if seen.scan is None:
+            return None
+        T_from, twist = anchor.place.T_odom_camera, self._twist_per_s
+        T_guess = None if twist is None else self._gone_on(seen.timestamp_ns, twist)
+        other = lying_elsewhere(
+            self._scans, seen.scan, check.T_from_to, by_scan, T_from=T_from, T_guess=T_guess
+        )
+        if other is None:
+            return None
+        agrees = 0.0 if by_scan is None else by_scan.score
+        T_other = inverted(T_from) @ other.T_odom_sensor
+        said = step_check("scans", True, check.T_from_to, T_other, agrees, other.score)
+        told = self._laid(state, seen.timestamp_ns, seen.scan, other)
+        self._go_on_from(seen, anchor)
+        return replace(told, check=said)
+
+    def _go_on_from(self, seen: FusedSight, anchor: Anchor) -> None:
+        """Remember a frame that was placed, which vision's next step begins at."""
+        self._map.add(seen.mapped_xyz, self._path.last.T_odom_camera)
+        self._anchor = Anchor(seen, self._path.last, anchor.piece, anchor.frame + 1)
 
     def _checked(
         self,

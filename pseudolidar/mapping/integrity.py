@@ -29,7 +29,7 @@ WORSE = 1.4
 # must speak for it by so much.
 MAP_AGAINST, MAP_FOR = 0.02, 0.02
 
-Witness = Literal["none", "pictures", "map"]
+Witness = Literal["none", "pictures", "map", "scans"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,36 +69,37 @@ def checked(
         look: the pictures at both ends.
         map_score: agreement of the map with a step, 0-1.
     """
-    if predicted is None or not _apart(step, predicted):
+    if predicted is None or not apart(step, predicted):
         return StepCheck("none", False, step)
     if not look.sees:
         of_vision, of_other = map_score(step), map_score(predicted)
         wrong = of_other > of_vision + MAP_FOR
-        return _told("map", wrong, step, predicted, of_vision, of_other)
+        return step_check("map", wrong, step, predicted, of_vision, of_other)
     information = np.diag(np.repeat([PREDICTED_M**-2.0, PREDICTED_RAD**-2.0], 3))
     other = look.best(predicted, information)
     of_vision, of_other = look.agreement(step), look.agreement(other)
-    wrong = _apart(step, other) and 1.0 - of_vision > WORSE * (1.0 - of_other)
+    wrong = apart(step, other) and 1.0 - of_vision > WORSE * (1.0 - of_other)
     wrong = wrong and map_score(other) > map_score(step) - MAP_AGAINST
-    return _told("pictures", wrong, step, other, of_vision, of_other)
+    return step_check("pictures", wrong, step, other, of_vision, of_other)
 
 
-def _told(
+def step_check(
     asked: Witness, wrong: bool, step: Float64, other: Float64, vision: float, by_other: float
 ) -> StepCheck:
-    apart = log_twist(inverted(step) @ other)
+    """What a witness says of a step (4, 4) and of another one, by its agreement with both."""
+    between = log_twist(inverted(step) @ other)
     return StepCheck(
         asked,
         wrong,
         other if wrong else step,
-        float(np.linalg.norm(apart[:3])),
-        float(np.linalg.norm(apart[3:])),
+        float(np.linalg.norm(between[:3])),
+        float(np.linalg.norm(between[3:])),
         vision,
         by_other,
     )
 
 
-def _apart(one: Float64, other: Float64) -> bool:
+def apart(one: Float64, other: Float64) -> bool:
     """Whether two steps differ by more than predictions usually do."""
     difference = log_twist(inverted(one) @ other)
     way_m = max(float(np.linalg.norm(T[:3, 3])) for T in (one, other))

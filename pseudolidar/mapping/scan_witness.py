@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pseudolidar.geometry.pose_doubt import unsure_m
-from pseudolidar.mapping.alignment import Alignment, Prior, align
+from pseudolidar.geometry.twists import exp_twist
+from pseudolidar.mapping.alignment import Alignment, Prior, align, lying_at
 from pseudolidar.mapping.kiss_library import load_kiss, thinned
 from pseudolidar.mapping.patches import Patches
 from pseudolidar.mapping.scan_map import ready
@@ -31,6 +32,9 @@ SIGMA_M, FIRST_THRESHOLD_M = 0.02, 0.15
 # deviation, m and rad; the share of a scan that must lie on the map; and how unsure its planes may
 # leave a place, m, with what little is known of directions in which they slide.
 GUESSED_M, GUESSED_RAD, LEAST_ALONE, MOST_UNSURE_M, SLIDING = 0.3, 0.03, 0.5, 0.1, 1e-2
+# Where a scan is looked for ahead of the one before where no motion is known yet, m along the
+# optical axis (40 m/s at 10 a second), with every so many of its planes.
+SEARCHED_M, SEARCH_EVERY = np.arange(-0.8, 4.01, 0.4), 4
 # Planes are matched within so many thresholds. A scan says something if it has so many planes, and
 # so large a share of them lies on the map.
 WITHIN_THRESHOLDS, LEAST_PLANES, LEAST_MATCHED = 3.0, 100, 0.3
@@ -96,6 +100,16 @@ class ScanWitness:
             return None
         held = np.asarray(np.linalg.inv(found.from_map + SLIDING * np.eye(6)))
         return found if unsure_m(held) <= MOST_UNSURE_M else None
+
+    def ahead(self, scan: ScanPlanes, T_odom_camera: Float64) -> Float64:
+        """(4, 4) where ahead of a place the scan lies best, roughly: no motion is known yet."""
+        surfaces, some = self._map.surfaces(), scan.planes[::SEARCH_EVERY]
+        within_m = WITHIN_THRESHOLDS * self._threshold.get_threshold()
+        places = [T_odom_camera @ exp_twist(np.array([0, 0, z, 0, 0, 0])) for z in SEARCHED_M]
+        scores = [
+            lying_at(some, surfaces, Prior(T, np.eye(6)), within_m=within_m).score for T in places
+        ]
+        return places[int(np.argmax(scores))]
 
     def remember(self, scan: ScanPlanes, T_odom_camera: Float64) -> None:
         """Add a scan where it is."""

@@ -102,7 +102,7 @@ def odometry_picture(matched: MatchedFrame, registered: Registered, *, near_px: 
 def checks_in_words(registered: Registered) -> str:
     """Who was asked about the step, and what they said."""
     check = registered.check
-    if registered.sensors == "scan":
+    if registered.sensors == "scan" and check is None:
         return f"by the scan alone: {registered.state.why}".removesuffix(": ")
     if check is None or check.asked == "none":
         return "goes on as before" if registered.state.status == "ok" else registered.state.status
