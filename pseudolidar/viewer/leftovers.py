@@ -14,7 +14,7 @@ class Leftovers:
 
     The errors that end one hold its tasks, these its messages, and these the arrays of clouds that
     were to be sent. Python looks for such circles by how many objects there are, and these are few:
-    those of half an hour held 150 MB (`tests/benchmarks/viewer_soak.py`, 2026-11-27).
+    those of half an hour held 150 MB (docs/viewer.md).
     """
 
     def __init__(self) -> None:
