@@ -45,6 +45,7 @@ FAMILIES = {
     "ultralytics": ("ultralytics", graphs.ultralytics, {}),
     "ultralytics masks": ("ultralytics", lambda: graphs.ultralytics(masks=True), {}),
     "end to end": ("end-to-end", graphs.end_to_end, {}),
+    "end to end, shares": ("end-to-end", lambda: graphs.end_to_end(shares=True), {}),
     "seven columns": ("rows", graphs.seven_columns, {}),
     "queries": ("queries", graphs.queries, {}),
     "labels, boxes, scores": ("labels-boxes-scores", graphs.labels_boxes_scores, {}),

@@ -40,9 +40,8 @@ class EndToEnd:
             return None
         if not (are_scores(rows[:, 4]) and are_labels(rows[:, 5])):
             return None
-        return LETTERBOXED.filled(
-            DetectorLayout(family=self.name, boxes=box_unit(rows[:, :4]), classes=known.classes)
-        )
+        own = DetectorLayout(family=self.name, boxes=box_unit(rows[:, :4]), classes=known.classes)
+        return own.filled(LETTERBOXED)
 
     def read(self, answer: Answer, layout: DetectorLayout, threshold: float) -> Candidates:
         """Rows with the scores that are asked for."""
