@@ -24,6 +24,7 @@ from pseudolidar.running.apart import check_apart, paths_read
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
+from pseudolidar.running.drawn_frames import detector_for
 from pseudolidar.running.field_markers import (
     AFTERWARDS,
     POSITIONAL,
@@ -384,7 +385,7 @@ def matcher_of(job: Map, source: FrameSource) -> MatchOnce:
     if job.detector is None:
         return MatchOnce(match, job.out)
     sight = SightFrame.of(match, GroundFit(), searched_px=job.searching.searched_px(source))
-    return MatchOnce(match, job.out, sight=sight, detect=job.detector.load())
+    return MatchOnce(match, job.out, sight=sight, detect=detector_for(job.detector.load(), source))
 
 
 def chosen(job: Map) -> dict[str, str]:

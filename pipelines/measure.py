@@ -15,6 +15,7 @@ from pseudolidar.obstacles.regions import Boxes, DrawnRegions, Regions
 from pseudolidar.running.bad_frames import good_frames
 from pseudolidar.running.crew.attempt import Skipped, attempt
 from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.drawn_frames import drawn_for
 from pseudolidar.running.field_markers import Recognised
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
@@ -103,8 +104,9 @@ def run(job: Measure) -> MeasureReport:
         TooManyBadFrames: and what else `good_frames` raises.
         UsageError: the frames that are asked for have no box.
     """
-    detect = Regions(job.box, job.name).load()
+    drawn = Regions(job.box, job.name).load()
     source = opened(job)
+    detect = drawn_for(drawn, source)
     preflight(
         source,
         wanted=job.check,

@@ -22,6 +22,7 @@ from pseudolidar.running.apart import check_apart, paths_read
 from pseudolidar.running.bad_frames import OnError
 from pseudolidar.running.crew.attempt import Done
 from pseudolidar.running.crew.crew_plan import FRAME_TIMEOUT_S, CrewPlan
+from pseudolidar.running.drawn_frames import detector_for
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, THIS_TIME, Recognised
 from pseudolidar.running.finding import NEAR_FOLDER, FindFrame, FindShown
 from pseudolidar.running.folder import check_usable
@@ -306,7 +307,7 @@ def finder(job: Obstacles, source: FrameSequence[Frame]) -> FindFrame:
         min_depth_m=job.min_depth,
     )
     detector = asked(job.detector, job.also)
-    detect = None if detector is None else detector.load()
+    detect = None if detector is None else detector_for(detector.load(), source)
     sight = SightFrame.of(match, job.ground, searched_px=job.searching.searched_px(source))
     plain = FindFrame(sight, detect, job.corridor, job.near, job.to, job.mcap)
     if not job.video:

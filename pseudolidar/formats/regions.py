@@ -113,7 +113,8 @@ def _region(record: Mapping[str, Any], path: Path, where: str) -> tuple[str, Det
     if not 0 <= score <= 1:
         raise LabelError(f"score {score:g}", want="0 to 1", path=path, where=where)
     name = str(record.get("class") or NO_CLASS)
-    frame = str(record.get("frame") or EVERY_FRAME)
+    told = record.get("frame")  # 0 is a frame too
+    frame = EVERY_FRAME if told is None else str(told).strip()
     return frame, Detection(name, (left, top, right, bottom), score)
 
 

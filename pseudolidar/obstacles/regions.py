@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -107,6 +107,19 @@ class DrawnRegions:
 
     drawn: Mapping[str, tuple[Detection, ...]]
     path: str | None
+
+    def meant_by(self, meant: Callable[[str], str | None]) -> DrawnRegions:
+        """The same by the ids of a source.
+
+        Args:
+            meant: the id that a name of a frame means, None where it means none.
+        """
+        drawn = {EVERY_FRAME: self.drawn.get(EVERY_FRAME, ())}
+        for name, boxes in self.drawn.items():
+            if name != EVERY_FRAME:
+                frame = meant(name) or name
+                drawn[frame] = (*drawn.get(frame, ()), *boxes)
+        return DrawnRegions(drawn, self.path)
 
     def boxes_of(self, frame_id: str) -> tuple[Detection, ...]:
         """The boxes of a frame, wherever they lie."""

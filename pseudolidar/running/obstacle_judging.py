@@ -19,6 +19,7 @@ from pseudolidar.obstacles.measure import measured
 from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.drawn_frames import detector_for
 from pseudolidar.running.networks import networks_of
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.sighting import SightFrame
@@ -93,7 +94,7 @@ def judge_obstacles(
         ReferenceMissing: no frame has labels.
     """
     one = detectors[0] if len(detectors) == 1 else Combined(tuple(detectors))
-    per_frame = JudgeObstacles(sight, one.load())
+    per_frame = JudgeObstacles(sight, detector_for(one.load(), source))
     skipped: list[Skipped] = []
     judged: list[JudgedFrame] = []
     without: list[str] = []

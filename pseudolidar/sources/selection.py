@@ -61,7 +61,7 @@ class FrameSelection:
             UsageError: an id is in neither; names the nearest.
         """
         place = {frame_id: index for index, frame_id in enumerate(ids)}
-        known = _Ids([*ids, *refused])
+        known = FrameIds([*ids, *refused])
         chosen: set[int] = set()
         for item in self.items:
             if ":" in item:
@@ -72,7 +72,7 @@ class FrameSelection:
 
     def refused_ids(self, ids: Sequence[str], refused: Sequence[str]) -> set[str]:
         """Which of the `refused` ids are selected: by name, or among the frames of a slice."""
-        known = _Ids([*ids, *refused])
+        known = FrameIds([*ids, *refused])
         chosen = {known.find(item) for item in self.items if ":" not in item}
         for item in self.items:
             inside = ids[_slice(item)] if ":" in item else ()
@@ -189,8 +189,12 @@ class SelectedSource(Generic[AnyFrame]):
         return self.source.load(self.chosen[index])
 
 
-class _Ids:
-    """Ids of a source, found by their text or by the first or last number in it."""
+class FrameIds:
+    """Ids of a source, found by their text or by the first or last number in it.
+
+    Args:
+        ids: in the order of the source.
+    """
 
     def __init__(self, ids: Sequence[str]) -> None:
         self.ids = ids
@@ -204,6 +208,15 @@ class _Ids:
         Raises:
             UsageError: none, or several.
         """
+        found = self.meant(item)
+        if found is None:
+            raise UsageError(
+                f"no frame {item!r}", want=f"an id such as {self._nearest(item)}", where="frames"
+            )
+        return found
+
+    def meant(self, item: str) -> str | None:
+        """The same, where it means one alone."""
         if item in self.exact:
             return item
         if _NUMBERS.fullmatch(item):
@@ -211,9 +224,7 @@ class _Ids:
                 found = table.get(int(item), [])
                 if len(found) == 1:
                     return found[0]
-        raise UsageError(
-            f"no frame {item!r}", want=f"an id such as {self._nearest(item)}", where="frames"
-        )
+        return None
 
     def _nearest(self, item: str) -> str:
         if _NUMBERS.fullmatch(item) and self.first:

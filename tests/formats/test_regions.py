@@ -32,6 +32,13 @@ def test_boxes_are_read_by_frame(tmp_path: Path, text: str, name: str) -> None:
     assert (other.name, other.box_px, other.score) == ("region", (5.0, 6.0, 7.0, 8.0), 1.0)
 
 
+def test_frame_0_is_a_frame(tmp_path: Path) -> None:
+    box = '"left": 1, "top": 2, "right": 3, "bottom": 4'
+    text = f'[{{"frame": 0, {box}}}, {{"frame": null, {box}}}, {{"frame": "", {box}}}]'
+    found = read_regions(written(tmp_path, text, "boxes.json"))
+    assert {frame: len(boxes) for frame, boxes in found.items()} == {"0": 1, EVERY_FRAME: 2}
+
+
 HEAD = "left,top,right,bottom\n"
 
 

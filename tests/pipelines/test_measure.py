@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from pathlib import Path
 
 import cv2
@@ -106,7 +107,9 @@ def test_what_cannot_be_matched_is_said_not_to_be_measured(tmp_path, pair: Path,
         assert r"a\x1b[31m\nb: nothing in it was matched" in out
 
 
-def test_only_frames_with_a_box_are_matched_and_a_bad_one_is_told(pair: Path, tmp_path, capsys):
+def test_only_frames_with_a_box_are_matched_and_a_bad_one_is_told(
+    pair: Path, tmp_path, capsys, caplog
+):
     for eye in ("left", "right"):
         (tmp_path / eye).mkdir()
         for name in ("0", "1", "2"):
@@ -118,8 +121,11 @@ def test_only_frames_with_a_box_are_matched_and_a_bad_one_is_told(pair: Path, tm
     boxes = tmp_path / "boxes.csv"
     head = "frame,left,top,right,bottom\n"
     job = (tmp_path, "--box", boxes, "--frame", ":", "--no-check")
-    boxes.write_text(f"{head}0,{BOX}\n2,{BOX}\n")
-    found = told(capsys, *job)
+    boxes.write_text(f"{head}00,{BOX}\n2,{BOX}\n77,{BOX}\n")
+    with caplog.at_level(logging.WARNING):
+        found = told(capsys, *job)
+    (warned,) = [line for line in caplog.messages if "does not have" in line]
+    assert "does not have: 77; it has such as 0" in warned
     assert [one["frame"] for one in found["measured"]] == ["0", "2"]
     boxes.write_text(f"{head}0,{BOX}\n1,{BOX}\n")
     found = told(capsys, *job, code=4)
