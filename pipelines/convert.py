@@ -77,7 +77,7 @@ from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
-from pseudolidar.viewer.address import LOOPBACK, PORT
+from pseudolidar.viewer.address import LOOPBACK, PORT, Port
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.run_page import run_page
 
@@ -165,7 +165,7 @@ class Convert:
         overwrite: start anew, even where OUT holds a run with other settings.
         view: show on a page what is made while it is made: the printed address, in a browser. At a
             terminal it stays open after the end, until Ctrl-C.
-        port: of that page, 0 for any that is free.
+        port: of that page; 0 or `auto` for any that is free.
         host: of that page; others than 127.0.0.1 let other machines in, with the printed token.
         dry_run: tell frames, bytes, time and free disk, and write nothing.
     """
@@ -216,7 +216,7 @@ class Convert:
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
     overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
     view: Annotated[bool, RUN_ONLY, THIS_TIME] = False
-    port: Annotated[int, RUN_ONLY] = PORT
+    port: Annotated[Port, RUN_ONLY] = PORT
     host: Annotated[str, RUN_ONLY] = LOOPBACK
     dry_run: Annotated[bool, RUN_ONLY, THIS_TIME] = False
 

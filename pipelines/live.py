@@ -64,7 +64,7 @@ from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.reproject import Reproject
 from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
-from pseudolidar.viewer.address import LOOPBACK, PORT
+from pseudolidar.viewer.address import LOOPBACK, PORT, Port
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.run_page import run_page
 
@@ -114,7 +114,7 @@ class Live:
             the newest frame; with --capture both eyes as they are.
         view: show on a page what is made while it is made: the printed address, in a browser. It
             ends with the run.
-        port: of that page, 0 for any that is free.
+        port: of that page; 0 or `auto` for any that is free.
         host: of that page; others than 127.0.0.1 let other machines in, with the printed token.
         camera: how cameras are opened and paired.
         matcher: how disparities are found.
@@ -165,7 +165,7 @@ class Live:
     realtime: Annotated[bool, RUN_ONLY] = False
     preview: Annotated[bool, RUN_ONLY] = False
     view: Annotated[bool, RUN_ONLY, THIS_TIME] = False
-    port: Annotated[int, RUN_ONLY] = PORT
+    port: Annotated[Port, RUN_ONLY] = PORT
     host: Annotated[str, RUN_ONLY] = LOOPBACK
     camera: Annotated[CameraSettings, RUN_ONLY] = field(default_factory=CameraSettings)
     matcher: Census | Sgbm | Bm | Onnx = field(default_factory=Census)

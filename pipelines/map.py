@@ -73,7 +73,7 @@ from pseudolidar.stereo.reproject import Reproject, Reprojector
 from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.camera import StereoRig
-from pseudolidar.viewer.address import LOOPBACK, PORT
+from pseudolidar.viewer.address import LOOPBACK, PORT, Port
 from pseudolidar.viewer.moment import Moment
 from pseudolidar.viewer.run_page import run_page
 
@@ -150,7 +150,7 @@ class Map:
         overwrite: start anew, even where OUT holds a run with other settings.
         view: show on a page what is made while it is made: the printed address, in a browser. At a
             terminal it stays open after the end, until Ctrl-C.
-        port: of that page, 0 for any that is free.
+        port: of that page; 0 or `auto` for any that is free.
         host: of that page; others than 127.0.0.1 let other machines in, with the printed token.
         dry_run: tell frames, the bytes and the time of matching, and free disk; write nothing.
     """
@@ -187,7 +187,7 @@ class Map:
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
     overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
     view: Annotated[bool, RUN_ONLY, THIS_TIME] = False
-    port: Annotated[int, RUN_ONLY] = PORT
+    port: Annotated[Port, RUN_ONLY] = PORT
     host: Annotated[str, RUN_ONLY] = LOOPBACK
     dry_run: Annotated[bool, RUN_ONLY, THIS_TIME] = False
 

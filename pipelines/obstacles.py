@@ -68,7 +68,7 @@ from pseudolidar.stereo.neural import Onnx
 from pseudolidar.stereo.row_alignment import RowsWhen
 from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.recorded import Frame
-from pseudolidar.viewer.address import LOOPBACK, PORT
+from pseudolidar.viewer.address import LOOPBACK, PORT, Port
 from pseudolidar.viewer.objects.found_in_order import FindsInOrder, moment_of
 from pseudolidar.viewer.run_page import run_page
 
@@ -148,7 +148,7 @@ class Obstacles:
         overwrite: start anew, even where OUT holds a run with other settings.
         view: show on a page what is found while it is found: the printed address, in a browser. At
             a terminal it stays open after the end, until Ctrl-C.
-        port: of that page, 0 for any that is free.
+        port: of that page; 0 or `auto` for any that is free.
         host: of that page; others than 127.0.0.1 let other machines in, with the printed token.
     """
 
@@ -184,7 +184,7 @@ class Obstacles:
     on_error: Annotated[OnError, RUN_ONLY] = "skip"
     overwrite: Annotated[bool, RUN_ONLY, THIS_TIME] = False
     view: Annotated[bool, RUN_ONLY, THIS_TIME] = False
-    port: Annotated[int, RUN_ONLY] = PORT
+    port: Annotated[Port, RUN_ONLY] = PORT
     host: Annotated[str, RUN_ONLY] = LOOPBACK
 
     def __post_init__(self) -> None:

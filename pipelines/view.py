@@ -53,7 +53,7 @@ from pseudolidar.stereo.sgbm import Bm, Sgbm
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, Frame
-from pseudolidar.viewer.address import LOOPBACK, PORT, Address
+from pseudolidar.viewer.address import LOOPBACK, PORT, Address, Port
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.comparing.rigs import Fit, RigShop, Seeing, some_frames
 from pseudolidar.viewer.exporting import check_export, draw, export, is_drawn
@@ -115,7 +115,7 @@ class View:
         detector: what says where objects are, at first; what `obstacles` found needs none. Those
             that need a file (onnx, template) come from here alone, others are chosen on the page.
         corridor: draw a corridor ahead, WIDTHxHEIGHTxLENGTH in m, with the nearest thing in it.
-        port: to listen at, 0 for any that is free.
+        port: to listen at; 0 or `auto` for any that is free.
         host: to listen at; others than 127.0.0.1 let other machines in, which still need the token.
         named: a name that this machine has in the addresses of browsers, where that is neither
             localhost nor an IP number: behind a proxy, or in your network. Others are refused.
@@ -142,7 +142,7 @@ class View:
     rig_unit: RigUnit | None = None
     detector: AnyDetector | None = None
     corridor: Corridor | None = None
-    port: Annotated[int, RUN_ONLY] = PORT
+    port: Annotated[Port, RUN_ONLY] = PORT
     host: Annotated[str, RUN_ONLY] = LOOPBACK
     named: Annotated[str | None, RUN_ONLY] = None
     share: Annotated[bool, RUN_ONLY] = False
@@ -151,10 +151,11 @@ class View:
 
     def __post_init__(self) -> None:
         if self.share:
+            port = self.port or "PORT"
             raise UsageError(
                 "a public tunnel, whose keeper would see the token and every picture",
                 want="a way on which nobody reads along",
-                fix=f"Forward the port: ssh -L {self.port}:localhost:{self.port} THIS-MACHINE.",
+                fix=f"Forward the port: ssh -L {port}:localhost:{port} THIS-MACHINE.",
                 where="--share",
             )
         if self.named is not None and not HOST_NAME.fullmatch(self.named):

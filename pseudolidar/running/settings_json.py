@@ -194,6 +194,8 @@ def _scalar_from_json(kind: Any, value: Any, where: str) -> Any:
         return float(value)
     if type(value) is kind and kind in (bool, int, str):
         return value
+    if isinstance(value, int) and issubclass(kind, int) and (parse := parser_of(kind)):
+        return parse(str(value))
     if not isinstance(value, str):
         raise _OtherType
     if issubclass(kind, Path):

@@ -5,13 +5,39 @@ from __future__ import annotations
 import errno
 import socket
 from dataclasses import dataclass
+from typing import Self
 
-from pseudolidar.errors import ServeError
+from pseudolidar.errors import ServeError, UsageError
 from pseudolidar.viewer.port_owner import port_owner
 
-LOOPBACK, PORT = "127.0.0.1", 8080
+LOOPBACK = "127.0.0.1"
+# How the flag says that any free port will do, and the highest there is.
+ANY_PORT, LAST_PORT = "auto", 65535
 # Connections that may wait to be taken.
 BACKLOG = 64
+
+
+class Port(int):
+    """A port to listen at: 1 to 65535, or 0 for any that is free."""
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """From `8080`, or `auto`, which is 0.
+
+        Raises:
+            UsageError: no such port.
+        """
+        number = "0" if text.strip().lower() == ANY_PORT else text.strip()
+        # int() would take other digits than ours, and more of them than anybody reads.
+        plain = number.isascii() and number.isdigit() and len(number) <= len(str(LAST_PORT))
+        if not plain or int(number) > LAST_PORT:
+            raise UsageError(
+                f"{text!r}", want=f"0 to {LAST_PORT}; 0 or {ANY_PORT} is any port that is free"
+            )
+        return cls(number)
+
+
+PORT = Port(8080)
 
 
 @dataclass(frozen=True)
@@ -42,7 +68,11 @@ class Address:
         where = f"{self.host}:{self.port}"
         try:
             family, _, _, _, place = socket.getaddrinfo(
-                self.host, self.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+                # It takes int alone, and no class of it.
+                self.host,
+                int(self.port),
+                type=socket.SOCK_STREAM,
+                flags=socket.AI_PASSIVE,
             )[0]
             listening = socket.socket(family, socket.SOCK_STREAM)
         except OSError as error:

@@ -21,7 +21,7 @@ def port_owner(port: int) -> str | None:
     sockets = set(_listening(port))
     for folder in PROC.glob("[0-9]*") if sockets else ():
         if not sockets.isdisjoint(_sockets_of(folder)):
-            return f"{_command(folder)} (process {folder.name})"
+            return f"{command_of(folder)} (process {folder.name})"
     return None
 
 
@@ -46,10 +46,12 @@ def _sockets_of(process: Path) -> Iterator[str]:
         return
 
 
-def _command(process: Path) -> str:
+def command_of(process: Path) -> str:
+    """What was called, from the folder of a process: one line, cut where it is long."""
     try:
         words = (process / "cmdline").read_bytes().decode(errors="replace").split("\0")
     except OSError:
         return "a process"
-    said = " ".join(words).strip()
+    # Program and script by their names alone, so that what it was asked to do is seen.
+    said = " ".join([*(Path(word).name for word in words[:2]), *words[2:]]).strip()
     return said if len(said) <= LONGEST_COMMAND else f"{said[:LONGEST_COMMAND]}..."

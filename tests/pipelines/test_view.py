@@ -9,7 +9,10 @@ import pytest
 from pseudolidar.pipelines.view import View
 
 from pseudolidar.cli import main
+from pseudolidar.errors import UsageError
 from pseudolidar.running.describing.describe import describe
+from pseudolidar.running.settings_json import from_json, to_json
+from pseudolidar.viewer.address import Port
 from pseudolidar.viewer.opening import RUN_FILE
 
 
@@ -34,6 +37,7 @@ def test_ctrl_c_is_the_ordinary_way_out(
     [
         (["--share"], "ssh -L 8080:localhost:8080"),
         (["--share", "--port", "9000"], "ssh -L 9000:localhost:9000"),
+        (["--share", "--port", "auto"], "ssh -L PORT:localhost:PORT"),
         (["--named", "robot.lan:8080"], "without port"),
         (["--named", "http://robot"], "without port"),
         (["--named", ""], "without port"),
@@ -44,6 +48,23 @@ def test_what_is_not_safe_is_refused(
 ):
     assert main(["view", *flags]) == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("port", ["99999", "65536", "-1", "8o", "٣", "", "9" * 10_000])
+def test_a_port_that_is_none_is_named_with_those_that_are(
+    port: str, capsys: pytest.CaptureFixture[str]
+):
+    assert main(["view", f"--port={port}"]) == 2
+    assert "--port: " in (said := capsys.readouterr().err)
+    assert "wanted 0 to 65535" in said
+
+
+def test_ports_are_settings_as_others_are():
+    assert Port.parse("auto") == Port.parse("0") == 0
+    job = View(port=Port.parse("65535"))
+    assert from_json(View, to_json(job)) == job
+    with pytest.raises(UsageError, match="65535"):
+        from_json(View, {"port": -1})
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "{", "[]", '{"settings": 3}', '{"settings": {}}'])

@@ -2,12 +2,13 @@
 
 import os
 import socket
+from pathlib import Path
 
 import pytest
 
 from pseudolidar.errors import ServeError
 from pseudolidar.viewer.address import Address
-from pseudolidar.viewer.port_owner import PROC, port_owner
+from pseudolidar.viewer.port_owner import PROC, command_of, port_owner
 
 pytestmark = pytest.mark.skipif(not PROC.exists(), reason="only Linux tells")
 
@@ -33,3 +34,9 @@ def test_an_error_of_a_taken_port_says_whose_it_is():
         address = Address(port=listening.getsockname()[1])
         with pytest.raises(ServeError, match=f"in use by .*process {os.getpid()}"):
             address.bound()
+
+
+def test_what_a_process_does_is_seen_wherever_its_program_lies(tmp_path: Path):
+    program = f"/home/{'x' * 80}/bin/python3\0/home/{'y' * 80}/bin/pseudolidar\0view\0out/drive\0"
+    (tmp_path / "cmdline").write_text(program)
+    assert command_of(tmp_path) == "python3 pseudolidar view out/drive"
