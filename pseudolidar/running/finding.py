@@ -129,7 +129,7 @@ def found_in(frame: Frame, seen: Seen, detect: Detector | None, corridor: Corrid
     obstacles = measured(seen.sight, detections)
     nearest_first = sorted(obstacles, key=lambda obstacle: obstacle.distance_m)
     view = None if corridor is None else corridor_view(seen.sight, corridor)
-    return Found(frame, seen, tuple(nearest_first), view)
+    return Found(frame, seen, tuple(nearest_first), view, searched=detect is not None)
 
 
 def figures(found: Found) -> dict[str, Any]:

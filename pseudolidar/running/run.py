@@ -232,7 +232,12 @@ class Run:
             progress.skip()
 
         for frame in good_frames(outcomes, frames=total, on_error=self._on_error, skipped=skipped):
-            yield frame
+            try:
+                yield frame
+            except GeneratorExit:
+                if self._halted_by:  # the frame that the loop was left at is done too
+                    self._watch.lap(frame.cpu_s)
+                raise
             self._watch.lap(frame.cpu_s)
             progress.advance()
 

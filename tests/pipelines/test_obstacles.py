@@ -278,6 +278,7 @@ def test_points_alone_have_no_picture(street, capsys, tmp_path) -> None:
 def test_a_corridor_stops_a_robot(street, tmp_path, capsys) -> None:
     job = ("obstacles", street, str(tmp_path), "--detector", "none", "--corridor", "6x2x60")
     found = told(capsys, *job, "--near", "15")
+    assert "labelled" not in found  # nobody looked for what is labelled
     nearest = found["corridor"]["nearest"]
     assert 2 < nearest["distance_m"] < 60
     rows = list(csv.DictReader((tmp_path / "corridor.csv").open()))
@@ -294,12 +295,27 @@ def test_a_corridor_stops_a_robot(street, tmp_path, capsys) -> None:
     found = told(capsys, *job, "--near", "15", "--stop-at", limit, code=10)
     assert found["corridor"]["too_near"]["sure"] > 0.5
     anew = ("obstacles", street, str(tmp_path / "anew"), "--detector", "none")
-    for _ in range(2):  # the same command stays stopped where it stopped
+    for passed_now in (1, 0):  # the same command stays stopped where it stopped
         stopped = told(capsys, *anew, "--corridor", "6x2x60", "--stop-at", "60", code=10)
         assert stopped["committed"] == 1
+        assert stopped["passed_now"] == passed_now
         assert stopped["ended_early"]
     error = told(capsys, "obstacles", street, str(tmp_path), "--stop-at", "3", code=2)["error"]
     assert "--corridor" in error["fix"]
+
+
+@pytest.mark.parametrize(
+    ("given", "flag"),
+    [
+        (("--detector", "colour:mauve"), "--detector.hues"),
+        (("--also", "range:10-2"), "--also.band"),
+        (("--detector", "regions:1,2,3"), "--detector.boxes"),
+        (("--corridor", "2x2"), "--corridor"),
+    ],
+)
+def test_errors_name_the_flag_that_there_is(tmp_path, capsys, given, flag) -> None:
+    job = ("obstacles", "synthetic:street", str(tmp_path), *given)
+    assert told(capsys, *job, code=2)["error"]["where"] == flag
 
 
 def test_labels_of_frames_that_have_no_picture_are_told(street, tmp_path, capsys) -> None:

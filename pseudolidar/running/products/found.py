@@ -37,12 +37,14 @@ class Found:
         seen: depth, ground and cloud.
         obstacles: the nearest first.
         corridor: what is seen of the one that is watched, if one is.
+        searched: whether a detector was asked, or the corridor alone watched.
     """
 
     frame: Frame
     seen: Seen
     obstacles: tuple[Obstacle, ...]
     corridor: CorridorView | None = None
+    searched: bool = True
 
     @property
     def cloud(self) -> PointCloud:
@@ -105,9 +107,9 @@ def found_file(found: Found) -> OutputFile:
 
 
 def _judged(found: Found) -> tuple[JudgedObject, ...]:
-    """The labels that count, each beside what was measured of it; none where there are none."""
+    """The labels that count, each beside what was measured of it; none where nothing was asked."""
     sight = found.seen.sight
-    if sight.labels is None:
+    if sight.labels is None or not found.searched:
         return ()
     return judged_objects(found.frame.id, sight.labels, found.obstacles, sight.camera, sight.depth)
 
