@@ -35,10 +35,11 @@ class Placeholder:
     node: ClassVar[Node]
     root: ClassVar[bool]
     bare: ClassVar[frozenset[str]]
+    prefix: ClassVar[str]
 
 
 def placeholder(
-    node: Node, *, root: bool = False, bare: frozenset[str] = frozenset()
+    node: Node, *, root: bool = False, bare: frozenset[str] = frozenset(), prefix: str = ""
 ) -> type[Placeholder]:
     """The type that stands for a node.
 
@@ -46,9 +47,10 @@ def placeholder(
         node: the node.
         root: whether it also shows the flags of every verb.
         bare: flags of the node that are written without its prefix.
+        prefix: what its other flags begin with, such as `detector.`.
     """
     doc = class_doc(node.cls).summary
-    members = {"node": node, "root": root, "bare": bare, "__doc__": doc}
+    members = {"node": node, "root": root, "bare": bare, "prefix": prefix, "__doc__": doc}
     return type(node.cls.__name__, (Placeholder,), members)
 
 
@@ -72,7 +74,7 @@ def _specs(entry: Entry, help_text: str, parent: type[Placeholder]) -> list[Stru
     if entry.filled_by in (FilledBy.RECOGNITION, FilledBy.OUTER_TEXT):
         return []
     if not entry.field.choices and entry.chosen is None:
-        return [_plain(entry, help_text, bare=entry.field.flag in parent.bare)]
+        return [_plain(entry, help_text, parent)]
     specs = []
     if entry.filled_by is FilledBy.PLACE:
         specs.append(_text_by_place(entry, help_text))
@@ -80,7 +82,11 @@ def _specs(entry: Entry, help_text: str, parent: type[Placeholder]) -> list[Stru
     if entry.field.choices:
         specs.append(_chooser(entry, help_text))
     if entry.chosen is not None:
-        chosen = placeholder(entry.chosen, bare=_bare_below(entry, parent.node))
+        chosen = placeholder(
+            entry.chosen,
+            bare=_bare_below(entry, parent.node),
+            prefix=f"{parent.prefix}{entry.field.flag}.",
+        )
         if any(_specs(below, "", chosen) for below in entry.chosen.entries):
             specs.append(StructFieldSpec(entry.field.name, chosen, _ABSENT))
     return specs
@@ -92,15 +98,16 @@ def _bare_below(entry: Entry, node: Node) -> frozenset[str]:
     return frozenset(below)
 
 
-def _plain(entry: Entry, help_text: str, *, bare: bool) -> StructFieldSpec:
-    kind = _kind(entry, bare=bare)
+def _plain(entry: Entry, help_text: str, parent: type[Placeholder]) -> StructFieldSpec:
+    kind = _kind(entry, parent)
     default = _ABSENT if entry.default is MISSING else entry.default
     return StructFieldSpec(entry.field.name, kind, default, help_text)
 
 
-def _kind(entry: Entry, *, bare: bool) -> Any:
+def _kind(entry: Entry, parent: type[Placeholder]) -> Any:
     """The type of a field with what tyro needs to know: its parser, place, metavar, hint."""
     field, by_place = entry.field, entry.filled_by is FilledBy.PLACE
+    bare = field.flag in parent.bare
     metavar = _metavar(field)
     if by_place:
         name = metavar if metavar and metavar[0] == "{" else field.flag.upper()
@@ -112,12 +119,13 @@ def _kind(entry: Entry, *, bare: bool) -> Any:
         metavar=metavar,
         help_behavior_hint=hint,
     )
-    kind: Any = Annotated[_parsed(field), argument]
+    flag = f"--{'' if bare else parent.prefix}{field.flag}"
+    kind: Any = Annotated[_parsed(field, flag), argument]
     return Annotated[kind, tyro.conf.Positional] if by_place else kind
 
 
-def _parsed(field: SettingsField) -> Any:
-    return field.type if field.parse is None else Annotated[field.type, _value_spec(field)]
+def _parsed(field: SettingsField, flag: str) -> Any:
+    return field.type if field.parse is None else Annotated[field.type, _value_spec(field, flag)]
 
 
 def _metavar(field: SettingsField) -> str | None:
@@ -134,7 +142,7 @@ def _text_by_place(entry: Entry, help_text: str) -> StructFieldSpec:
     metavar = tyro.conf.arg(name=entry.field.flag, metavar=entry.field.flag.upper())
     awaited = None if entry.chosen is None else entry.chosen.awaited
     required = awaited is not None or entry.chosen is None
-    inner: Any = str if awaited is None else _parsed(awaited)
+    inner: Any = str if awaited is None else _parsed(awaited, f"--{awaited.flag}")
     kind: Any = Annotated[inner, metavar, tyro.conf.Positional]
     return StructFieldSpec(text_name(entry.field), kind, _ABSENT if required else "", help_text)
 
@@ -155,8 +163,8 @@ def _chooser(entry: Entry, help_text: str) -> StructFieldSpec:
     return StructFieldSpec(f"{field.name}__choice", kind, default, help_text)
 
 
-def _value_spec(field: SettingsField) -> PrimitiveConstructorSpec[Any]:
-    """How tyro reads a value with one constructor from text."""
+def _value_spec(field: SettingsField, flag: str) -> PrimitiveConstructorSpec[Any]:
+    """How tyro reads a value with one constructor from text; `flag` is named in errors."""
     parse = field.parse
     assert parse is not None
 
@@ -164,10 +172,10 @@ def _value_spec(field: SettingsField) -> PrimitiveConstructorSpec[Any]:
         try:
             return parse(texts[0])
         except PseudolidarError as error:
-            error.where = error.where or f"--{field.flag}"
+            error.where = error.where or flag
             raise
         except ValueError as error:
-            raise UsageError(str(error), where=f"--{field.flag}") from error
+            raise UsageError(str(error), where=flag) from error
 
     return PrimitiveConstructorSpec(
         nargs=1,

@@ -161,6 +161,10 @@ def test_a_pickle_is_never_loaded(tmp_path: Path) -> None:
 
 
 def test_settings_that_mean_nothing_are_refused(tmp_path: Path) -> None:
+    path = graphs.written(tmp_path / "a.onnx", graphs.end_to_end())
+    with pytest.raises(ModelError) as raised:
+        loaded(path, names=tmp_path / "none.txt")
+    assert raised.value.fix == "Check the path."
     for settings in ({"threshold": 0.0}, {"overlap": 1.5}, {"threads": 0}):
         with pytest.raises(UsageError):
             OnnxDetector(tmp_path / "a.onnx", **settings)

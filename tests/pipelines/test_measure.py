@@ -102,6 +102,7 @@ def test_what_cannot_be_matched_is_said_not_to_be_measured(tmp_path, pair: Path,
         assert main(job) == 4
         out = capsys.readouterr().out
         assert "it is not measured" in out
+        assert " +- " not in out
         assert "hides part" not in out
         assert "\x1b" not in out
         assert r"a\x1b[31m\nb: nothing in it was matched" in out

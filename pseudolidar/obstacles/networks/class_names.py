@@ -102,7 +102,9 @@ def names_of_file(path: Path) -> tuple[str, ...]:
             raise ValueError(f"more than {_LARGEST_BYTES} bytes")
         names = _parsed(data.decode("utf-8-sig"), path)
     except OSError as error:
-        raise ModelError(error.strerror or str(error), want=_WANT, path=path) from error
+        raise ModelError(
+            error.strerror or str(error), want=_WANT, fix="Check the path.", path=path
+        ) from error
     except (ValueError, RecursionError) as error:
         raise ModelError(f"no class names: {error}", want=_WANT, path=path) from error
     except PseudolidarError as error:

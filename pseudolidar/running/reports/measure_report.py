@@ -54,7 +54,7 @@ class MeasureReport:
     @property
     def exit_code(self) -> int:
         """0 each box was measured, however unsure; 4 one was not, or a frame was skipped."""
-        guessed = any(one.obstacle.measured_by == "size" for one in self.found)
+        guessed = any(_is_guess(one.obstacle) for one in self.found)
         return SOME_SKIPPED if guessed or self.skipped else ALL_DONE
 
     def as_dict(self) -> dict[str, Any]:
@@ -88,9 +88,15 @@ class MeasureReport:
         return "\n".join(lines)
 
 
+def _is_guess(obstacle: Obstacle) -> bool:
+    return obstacle.measured_by == "size"
+
+
 def _row(one: Measured) -> tuple[str, ...]:
     obstacle, box = one.obstacle, one.obstacle.box
     assert box.sigma_m is not None  # an Obstacle has it
+    if _is_guess(obstacle):  # its numbers would read as a measurement; --json has them
+        return (one.frame.id, obstacle.detection.name, *["-"] * 4, f"{obstacle.points}")
     x, y, z = box.pose.translation_m
     return (
         one.frame.id,
@@ -113,11 +119,11 @@ def _sigma_across_m(one: Measured) -> float:
 
 def _notes(obstacle: Obstacle) -> list[str]:
     usual = size_of_class(obstacle.detection.name) is not UNKNOWN
-    if obstacle.measured_by == "size":
+    if _is_guess(obstacle):
         said = "nothing in it was matched (sky, no texture, or too small), so it is not measured: "
         if usual:
-            return [f"{said}this is where its usual size and its footing put it"]
-        return [f"{said}this is where a thing of any size might be, see +-; --name helps"]
+            return [f"{said}where its usual size and its footing put it is in --json"]
+        return [f"{said}where a thing of any size might be is in --json; --name helps"]
     notes = []
     if obstacle.measured_by == "points" and obstacle.points < FEW_POINTS:
         notes.append(f"only {obstacle.points} points")
