@@ -117,18 +117,21 @@ class Opening:
             self._reels.append(self.reel_of(recognise(path)))
 
     def _open_run(self, folder: Path) -> None:
-        if (folder / OBJECTS_NAME).is_file():
+        found_objects = (folder / OBJECTS_NAME).is_file()
+        if found_objects:
             self._objects |= read_obstacles(folder / OBJECTS_NAME)
-            # Frames with their pictures are better than clouds alone.
+        found = list(_of_run(folder))
+        # Objects are better seen in frames with their pictures than in clouds alone; of runs that
+        # left maps of disparity or depth, or only figures, there is nothing but the frames.
+        if found_objects or not found:
             reel = self.reel_of_run(folder)
             if reel is not None:
                 self._reels.append(reel)
                 return
-        found = list(_of_run(folder))
         if not found:
             raise SourceUnknown(
                 "the folder of a run that left nothing to look at",
-                want="clouds, a recording, or a map in it; of obstacles, the source of the run",
+                want="clouds, a recording, or a map in it, or the source of the run where it was",
                 path=folder,
             )
         for part in found:

@@ -92,6 +92,11 @@ def test_what_leaves_nothing_to_look_at_is_named(tmp_path: Path):
     (tmp_path / "run.json").write_text("{}")
     with pytest.raises(SourceUnknown, match="nothing to look at"):
         opened(tmp_path)
+    (tmp_path / "disparity").mkdir()  # maps are no clouds, but tell where they were made of
+    frames = NoFrames("the pairs")
+    assert Opening(lambda _: NoFrames(), lambda _: frames).all_of([str(tmp_path)]).reels == (
+        frames,
+    )
     with pytest.raises(SourceUnknown):
         opened(tmp_path / "absent")
     (tmp_path / "cut.pcd").write_bytes(b"VERSION 0.7\nFIELDS x y")
