@@ -231,10 +231,14 @@ def run(job: View) -> ViewReport:
     """
     give_back_freed_memory()
     if job.export is not None:
-        check_export(job.export)
+        check_export(job.export, job.paths)
     opened = Opening(job.reel_of, job.reel_of_run, truth_of_run).all_of(job.paths)
     if job.export is not None:
-        exported(job, opened, job.export)
+        try:
+            exported(job, opened, job.export)
+        except Stopped as stop:
+            stop.advice = f"{job.export} was not written; the same command begins anew."
+            raise
         return ViewReport(job.export)
     # Ctrl-C is the ordinary way out, and no interruption.
     with (

@@ -34,6 +34,8 @@ from pseudolidar.running.signals import Stopped, StopSignals
 # generations. Loading a verb makes some hundred thousand objects that stay; by Python's own
 # numbers a tenth of a short run goes into looking through them in vain.
 GARBAGE_THRESHOLDS = (50_000, 20, 50)
+# What to do after Ctrl-C, where a verb does not say it.
+CONTINUES = "Run the same command again: where it has an output folder, it continues."
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -73,10 +75,8 @@ def _run(args: list[str], out: TextIO, *, as_json: bool, debug: bool) -> int:
     except SystemExit:  # help was shown
         return ALL_DONE
     except KeyboardInterrupt as stop:
-        known: Exception = Interrupted(
-            "stopped by a signal",
-            fix="Run the same command again: where it has an output folder, it continues.",
-        )
+        own = stop.advice if isinstance(stop, Stopped) else ""
+        known: Exception = Interrupted("stopped by a signal", fix=own or CONTINUES)
         code = stop.exit_code if isinstance(stop, Stopped) else Interrupted.exit_code
     except Exception as error:
         known = as_known(error)

@@ -15,10 +15,14 @@ SIGNAL_EXIT_BASE = 128
 
 
 class Stopped(KeyboardInterrupt):
-    """The run was asked to stop; a `KeyboardInterrupt`, so that no `except Exception` eats it."""
+    """The run was asked to stop; a `KeyboardInterrupt`, so that no `except Exception` eats it.
+
+    `advice` is what its user can do now, where the work itself knows better than the command line.
+    """
 
     def __init__(self, number: int) -> None:
         super().__init__(signal.Signals(number).name)
+        self.advice = ""
         self.exit_code = SIGNAL_EXIT_BASE + number
 
 

@@ -14,8 +14,10 @@ from pseudolidar.running.progress import FrameProgress
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.filming.film import PICTURE_PX, Film, write_film, write_picture
 from pseudolidar.viewer.filming.outlined import FilmedObjects
+from pseudolidar.viewer.filming.painted import nothing_seen
 from pseudolidar.viewer.objects.scene import ObjectScene
 from pseudolidar.viewer.opening import Opened
+from pseudolidar.viewer.stills import is_empty
 from pseudolidar.viewer.timeline import LONGEST_WAIT_S
 
 _log = logging.getLogger(__name__)
@@ -48,17 +50,28 @@ class Hindered:
             _log.warning("no objects in %d frames: %s", self.frames, self.why)
 
 
-def check_export(path: Path) -> None:
-    """Refuse a name of neither kind, before there is any work.
+def check_export(path: Path, paths: Sequence[str]) -> None:
+    """Refuse a name of neither kind, and a file of nothing, before there is any work.
+
+    Args:
+        path: of the file.
+        paths: what it is to be made of.
 
     Raises:
-        UsageError: it ends otherwise.
+        UsageError: it ends otherwise, or there are none.
     """
     if path.suffix.lower() not in (*SCENES, *DRAWN):
         raise UsageError(
             f"a file named {path.suffix or 'without extension'}",
             want=" or ".join((*SCENES, *DRAWN)),
             path=path,
+            where="--export",
+        )
+    if not paths:
+        raise UsageError(
+            "no path of what is to be exported",
+            want="sources, folders of runs, files of clouds, meshes, trajectories",
+            fix=f"pseudolidar view PATH --export {path}",
             where="--export",
         )
 
@@ -99,20 +112,27 @@ def export(app: App, path: Path) -> None:
         path: of viser's own kinds of file.
 
     Raises:
+        CloudEmpty: there is nothing to be seen in any frame.
         OutputError: the disk is full or gone.
     """
     view = app.view
+    seen = any(not is_empty(still) for still in view.stage.every_still)
     serializer = view.server.viser.get_scene_serializer()
-    times_s, hindered = view.reel.times_s, Hindered()
+    times_s, hindered, fault = view.reel.times_s, Hindered(), ""
     if app.path is not None:
         app.path.wait()
     with FrameProgress(len(times_s)) as progress:
         for index, wait_s in enumerate(waits_s(times_s)):
-            view.show(view.settled(index))
+            moment = view.settled(index)
+            seen = seen or any(map(len, moment.clouds.values()))
+            fault = fault or moment.fault
+            view.show(moment)
             hindered.see(app.objects_shown())
             serializer.insert_sleep(wait_s)
             progress.advance()
     hindered.tell()
+    if not seen:
+        raise nothing_seen(fault)
     if path.suffix.lower() == ".html":
         write_atomic(path, serializer.as_html(dark_mode=view.dark).encode())
     else:

@@ -129,6 +129,11 @@ def middle_m(still: Still) -> Float64:
     return np.asarray(np.median(places, axis=0), np.float64)
 
 
+def is_empty(still: Still) -> bool:
+    """Whether there is nothing of it."""
+    return not isinstance(still, StillOctree) and not len(places_of(still))
+
+
 def places_of(still: StillCloud | StillPath | StillMesh) -> AnyArray:
     """(N, 3) points, poses or vertices."""
     if isinstance(still, StillMesh):

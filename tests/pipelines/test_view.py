@@ -5,13 +5,17 @@ import signal
 import webbrowser
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pseudolidar.pipelines.view import View
 
 from pseudolidar.cli import main
 from pseudolidar.errors import UsageError
+from pseudolidar.formats.points.ply import write_ply
 from pseudolidar.running.describing.describe import describe
+from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.settings_json import from_json, to_json
+from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.address import Port
 from pseudolidar.viewer.opening import RUN_FILE
 
@@ -65,6 +69,33 @@ def test_ports_are_settings_as_others_are():
     assert from_json(View, to_json(job)) == job
     with pytest.raises(UsageError, match="65535"):
         from_json(View, {"port": -1})
+
+
+@pytest.mark.parametrize("name", ["a.html", "a.viser", "a.mp4", "a.png"])
+def test_no_file_is_made_of_nothing(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    out, empty = tmp_path / "out", tmp_path / "empty.ply"
+    out.mkdir()
+    write_ply(empty, PointCloud(np.zeros((0, 3), np.float32), "map"))
+    assert main(["view", "--export", str(out / name)]) == 2
+    assert "UsageError: --export: no path" in capsys.readouterr().err
+    assert main(["view", str(empty), "--export", str(out / name)]) == 3
+    assert "CloudEmpty: nothing that could be seen" in capsys.readouterr().err
+    assert not list(out.iterdir())
+
+
+def test_ctrl_c_during_an_export_leaves_nothing_and_promises_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    out = tmp_path / "out"
+    out.mkdir()
+    write_ply(tmp_path / "a.ply", PointCloud(np.eye(3, dtype=np.float32), "map"))
+    monkeypatch.setattr(FrameProgress, "advance", lambda *_: os.kill(os.getpid(), signal.SIGINT))
+    for name in ("big.mp4", "big.html"):
+        assert main(["view", str(tmp_path / "a.ply"), "--export", str(out / name)]) == 130
+        said = capsys.readouterr().err
+        assert f"{name} was not written; the same command begins anew" in said
+        assert "continues" not in said
+    assert not list(out.iterdir())
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "{", "[]", '{"settings": 3}', '{"settings": {}}'])

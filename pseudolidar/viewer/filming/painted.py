@@ -103,7 +103,7 @@ def nothing_seen(why: str = "") -> CloudEmpty:
         why: what was said of it; "" where nothing was.
     """
     return CloudEmpty(
-        "nothing that could be seen in a film" + (f": {why}" if why else ""),
+        "nothing that could be seen" + (f": {why}" if why else ""),
         want="a cloud, a map, or a sequence",
         fix="Give a path with points in it.",
     )
