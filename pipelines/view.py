@@ -56,8 +56,10 @@ from pseudolidar.structures.recorded import DepthFrame, Frame
 from pseudolidar.viewer.address import LOOPBACK, PORT, Address, Port
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.comparing.rigs import Fit, RigShop, Seeing, some_frames
+from pseudolidar.viewer.effect import without_effect
 from pseudolidar.viewer.exporting import check_export, draw, export, is_drawn
 from pseudolidar.viewer.filming.outlined import FilmedObjects
+from pseudolidar.viewer.inventory import inventory
 from pseudolidar.viewer.means import Means
 from pseudolidar.viewer.objects.asking import Asked
 from pseudolidar.viewer.objects.teller import ScenesAtOnce
@@ -233,24 +235,28 @@ def run(job: View) -> ViewReport:
     if job.export is not None:
         check_export(job.export, job.paths)
     opened = Opening(job.reel_of, job.reel_of_run, truth_of_run).all_of(job.paths)
+    if unused := without_effect(job, opened.reels):
+        _log.warning("without effect on what was opened: %s", ", ".join(unused))
     if job.export is not None:
         try:
             exported(job, opened, job.export)
         except Stopped as stop:
             stop.advice = f"{job.export} was not written; the same command begins anew."
             raise
-        return ViewReport(job.export)
+        return ViewReport(opened, file=job.export)
     # Ctrl-C is the ordinary way out, and no interruption.
+    address = ""
     with (
         contextlib.suppress(Stopped),
         App.served(job.address, opened, means_of(job, opened)) as app,
     ):
+        address = app.url.partition("?")[0]  # without the token, which opens the page
         print(app.url, file=sys.stderr, flush=True)  # noqa: T201 - printed at once, not at the end
         if job.browser:
             webbrowser.open(app.url)
         leave_loaded_out_of_searches()
         app.wait()
-    return ViewReport()
+    return ViewReport(opened, address=address)
 
 
 def exported(job: View, opened: Opened, path: Path) -> None:
@@ -351,19 +357,24 @@ def workshop(job: View, reel: SourceReel) -> Workshop[View] | None:
 
 @dataclass(frozen=True)
 class ViewReport:
-    """What is left of it.
+    """What was looked at, and what is left of it.
 
     Args:
+        opened: what the paths were.
+        address: where it was served, without token; "" where it was not.
         file: what was exported.
     """
 
+    opened: Opened
+    address: str = ""
     file: Path | None = None
     exit_code = ALL_DONE
 
     def as_dict(self) -> dict[str, Any]:
-        """Where it is."""
-        return {"file": None if self.file is None else str(self.file)}
+        """What was opened, and where it is."""
+        file = None if self.file is None else str(self.file)
+        return {"file": file, "address": self.address or None, "opened": inventory(self.opened)}
 
     def text(self) -> str:
-        """The same."""
+        """The file alone: the page has told the rest."""
         return "" if self.file is None else f"  {self.file}"

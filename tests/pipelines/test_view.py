@@ -1,5 +1,6 @@
 """The verb `view`: how it ends, and what it refuses before it serves anything."""
 
+import json
 import os
 import signal
 import webbrowser
@@ -12,6 +13,7 @@ from pseudolidar.pipelines.view import View
 from pseudolidar.cli import main
 from pseudolidar.errors import UsageError
 from pseudolidar.formats.points.ply import write_ply
+from pseudolidar.formats.tum import write_tum_trajectory
 from pseudolidar.running.describing.describe import describe
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.settings_json import from_json, to_json
@@ -34,6 +36,36 @@ def test_ctrl_c_is_the_ordinary_way_out(
     told = capsys.readouterr()
     assert told.err.splitlines() == opened
     assert told.out.strip() == ""
+
+
+def test_programs_are_told_what_was_opened_and_where_but_no_token(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    urls: list[str] = []
+
+    def pressed(url: str) -> None:
+        urls.append(url)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(webbrowser, "open", pressed)
+    write_ply(tmp_path / "a.ply", PointCloud(np.eye(3, dtype=np.float32), "map"))
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[:, 0, 3] = (0, 1, 3)
+    write_tum_trajectory(tmp_path / "b.tum", [0, 1, 2], poses)
+    paths = ["synthetic:street", str(tmp_path / "a.ply"), str(tmp_path / "b.tum")]
+    assert main(["view", *paths, "--frames", "0:2", "--port", "0", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    street = told["opened"].pop(0)
+    assert (street["kind"], street["frames"]) == ("sequence", 2)
+    assert "synthetic street" in street["name"]
+    assert told == {
+        "file": None,
+        "address": urls[0].partition("?")[0],
+        "opened": [
+            {"name": "a.ply", "kind": "cloud", "points": 3},
+            {"name": "b.tum", "kind": "path", "poses": 3, "length_m": 3.0},
+        ],
+    }
 
 
 @pytest.mark.parametrize(
