@@ -103,33 +103,49 @@ def yolox(*, decoded: bool = False) -> dict[str, np.ndarray]:
     return {"output": rows[None]}
 
 
-def yolov5() -> dict[str, np.ndarray]:
-    rows = np.zeros((3 * len(grid()), 5 + len(CLASSES)), np.float32)
+def half_masks(fit: str) -> np.ndarray:
+    """(2, SIDE, SIDE) 1 in the left half of each thing's box, -1 elsewhere."""
+    maps = np.full((2, SIDE, SIDE), -1.0, np.float32)
+    for at, (box, _, _) in enumerate(THINGS):
+        left, top, right, bottom = np.round(in_input(box, fit)).astype(int)
+        maps[at, top:bottom, left : (left + right) // 2] = 1.0
+    return maps
+
+
+def coefficients(at: int, *, masks: bool) -> np.ndarray:
+    """Of a thing's prototype, where there are any."""
+    return np.eye(2)[at] if masks else np.zeros(0)
+
+
+def prototypes(*, masks: bool) -> dict[str, np.ndarray]:
+    """The output of maps, where there is one."""
+    return {"output1": half_masks("centre")[None]} if masks else {}
+
+
+def yolov5(*, masks: bool = False) -> dict[str, np.ndarray]:
+    rows = np.zeros((3 * len(grid()), 5 + len(CLASSES) + 2 * masks), np.float32)
     for at, (box, label, score) in enumerate(THINGS):
-        rows[40 * at + 3] = [*centred(in_input(box, "centre")), score, *one_hot(label, 1.0)]
-    return {"output0": rows[None]}
+        middle = centred(in_input(box, "centre"))
+        parts = (middle, [score], one_hot(label, 1.0), coefficients(at, masks=masks))
+        rows[40 * at + 3] = np.concatenate(parts)
+    return {"output0": rows[None], **prototypes(masks=masks)}
 
 
 def ultralytics(*, masks: bool = False) -> dict[str, np.ndarray]:
-    """With masks, a thing is the left half of its box."""
-    few = 2 if masks else 0
-    columns = np.zeros((len(grid()), 4 + len(CLASSES) + few), np.float32)
-    maps = np.full((1, 2, SIDE, SIDE), -1.0, np.float32)
+    columns = np.zeros((len(grid()), 4 + len(CLASSES) + 2 * masks), np.float32)
     for at, (box, label, score) in enumerate(THINGS):
         edges = in_input(box, "centre")
-        coefficients = np.eye(2)[at] if masks else []
-        columns[cell_of(edges)] = [*centred(edges), *one_hot(label, score), *coefficients]
-        left, top, right, bottom = np.round(edges).astype(int)
-        maps[0, at, top:bottom, left : (left + right) // 2] = 1.0
-    outputs = {"output0": columns.T[None]}
-    return outputs | ({"output1": maps} if masks else {})
+        parts = (centred(edges), one_hot(label, score), coefficients(at, masks=masks))
+        columns[cell_of(edges)] = np.concatenate(parts)
+    return {"output0": columns.T[None], **prototypes(masks=masks)}
 
 
-def end_to_end(*, shares: bool = False) -> dict[str, np.ndarray]:
-    rows = np.zeros((300, 6), np.float32)
+def end_to_end(*, shares: bool = False, masks: bool = False) -> dict[str, np.ndarray]:
+    rows = np.zeros((300, 6 + 2 * masks), np.float32)
     for at, (box, label, score) in enumerate(THINGS):
-        rows[at] = [*in_input(box, "centre") / (SIDE if shares else 1), score, label]
-    return {"output0": rows[None]}
+        edges = in_input(box, "centre") / (SIDE if shares else 1)
+        rows[at] = [*edges, score, label, *coefficients(at, masks=masks)]
+    return {"output0": rows[None], **prototypes(masks=masks)}
 
 
 def seven_columns() -> dict[str, np.ndarray]:
@@ -166,12 +182,15 @@ def labels_boxes_scores() -> dict[str, np.ndarray]:
     return {"labels": labels, "boxes": boxes, "scores": scores}
 
 
-def dets_labels() -> dict[str, np.ndarray]:
+def dets_labels(*, masks: bool = False) -> dict[str, np.ndarray]:
+    """Masks are probabilities over the whole input."""
     rows = np.zeros((1, 10, 5), np.float32)
     labels = np.full((1, 10), -1, np.int64)
     for at, (box, label, score) in enumerate(THINGS):
         rows[0, at], labels[0, at] = [*in_input(box, "corner"), score], label
-    return {"dets": rows, "labels": labels}
+    whole = np.zeros((1, 10, SIDE, SIDE), np.float32)
+    whole[0, :2] = half_masks("corner") > 0
+    return {"dets": rows, "labels": labels} | ({"masks": whole} if masks else {})
 
 
 def tf_od() -> dict[str, np.ndarray]:

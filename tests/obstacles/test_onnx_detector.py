@@ -10,9 +10,9 @@ import onnx
 import pytest
 from onnx import TensorProto
 
-from pseudolidar.errors import ModelError, ModelOutput, UsageError
+from pseudolidar.errors import MissingDependency, ModelError, ModelOutput, UsageError
 from pseudolidar.formats.onnx.model import read_onnx
-from pseudolidar.formats.onnx.session import NetworkSession
+from pseudolidar.formats.onnx.session import NetworkSession, available_providers
 from pseudolidar.obstacles.networks.class_names import class_names, listed_names
 from pseudolidar.obstacles.networks.layout import DetectorLayout, layout_beside
 from pseudolidar.obstacles.networks.recognise import found_out
@@ -43,7 +43,6 @@ FAMILIES = {
     "yolox 16 bit": ("yolox", graphs.yolox, {"dtype": TensorProto.FLOAT16}),
     "yolov5": ("yolov5", graphs.yolov5, {}),
     "ultralytics": ("ultralytics", graphs.ultralytics, {}),
-    "ultralytics masks": ("ultralytics", lambda: graphs.ultralytics(masks=True), {}),
     "end to end": ("end-to-end", graphs.end_to_end, {}),
     "end to end, shares": ("end-to-end", lambda: graphs.end_to_end(shares=True), {}),
     "seven columns": ("rows", graphs.seven_columns, {}),
@@ -51,6 +50,12 @@ FAMILIES = {
     "labels, boxes, scores": ("labels-boxes-scores", graphs.labels_boxes_scores, {}),
     "with sizes": ("labels-boxes-scores", graphs.labels_boxes_scores, {"sizes_too": True}),
     "dets, labels": ("dets-labels", graphs.dets_labels, {}),
+}
+MASKED = {
+    "yolov5": ("yolov5", graphs.yolov5),
+    "ultralytics": ("ultralytics", graphs.ultralytics),
+    "end to end": ("end-to-end", graphs.end_to_end),
+    "dets, labels": ("dets-labels", graphs.dets_labels),
 }
 
 
@@ -66,13 +71,21 @@ def test_known_boxes_come_back_through_every_layout(tmp_path: Path, name: str) -
     for one, (box, _, score) in zip(found, graphs.THINGS, strict=True):
         np.testing.assert_allclose(one.box_px, box, atol=0.01)
         assert one.score == pytest.approx(score, abs=2e-3)
-        assert (one.mask is None) is (name != "ultralytics masks")
+        assert one.mask is None
 
 
-def test_masks_lie_where_the_network_has_them(tmp_path: Path) -> None:
-    path = graphs.written(tmp_path / "a.onnx", graphs.ultralytics(masks=True))
+@pytest.mark.parametrize("name", MASKED)
+def test_masks_lie_where_the_network_has_them(tmp_path: Path, name: str) -> None:
+    family, outputs = MASKED[name]
+    path = graphs.written(tmp_path / "a.onnx", outputs(masks=True))
     (tmp_path / "a.names").write_text(NAMES)
-    for one in loaded(path).detect(PICTURE_PX):
+    detector = loaded(path)
+    assert detector.layout.family == family
+    found = detector.detect(PICTURE_PX)
+    assert [one.name for one in found] == ["car", "person"]
+    for one, (box, _, score) in zip(found, graphs.THINGS, strict=True):
+        np.testing.assert_allclose(one.box_px, box, atol=0.01)
+        assert one.score == pytest.approx(score, abs=2e-3)
         rows, columns = np.nonzero(one.mask)
         left, top, right, bottom = one.box_px
         assert columns.min() == pytest.approx(left, abs=2)
@@ -125,6 +138,17 @@ def test_it_can_be_sent_to_another_process(tmp_path: Path) -> None:
     ]
     assert detector.describe()["sha256"] == read_onnx(path).sha256()
     assert "runs on cpu" in detector.in_words()
+
+
+def test_a_provider_that_is_not_there_is_named_with_its_package(tmp_path: Path) -> None:
+    path = graphs.written(tmp_path / "a.onnx", graphs.end_to_end())
+    with pytest.raises(MissingDependency, match=r"no CUDAExecutionProvider") as raised:
+        loaded(path, provider="cuda").session  # noqa: B018 - made when it is first used
+    assert "onnxruntime-gpu" in raised.value.fix
+    assert "--detector.provider cpu" in raised.value.fix
+    anywhere = loaded(path, provider="auto")
+    assert anywhere.describe()["provider"] == available_providers()[0]
+    assert len(anywhere.detect(PICTURE_PX)) == 2
 
 
 def test_a_layout_that_nobody_knows_is_shown_with_the_flags_that_describe_it(tmp_path) -> None:
