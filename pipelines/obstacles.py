@@ -38,6 +38,7 @@ from pseudolidar.running.products.found_clouds import (
     FoundOutputs,
     write_tracking,
 )
+from pseudolidar.running.products.label_classes import class_warnings
 from pseudolidar.running.products.obstacle_film import (
     FILM_FOLDER,
     FILM_NAME,
@@ -274,6 +275,7 @@ def run(job: Obstacles) -> ObstaclesReport:
                 run.halt(TOO_NEAR)
                 break
         telling.finish(run.committed)
+        run.warn(class_warnings((job.detector, job.also), run.records()))
         write_tables(job, told)
         if job.video:
             seen = {name: frame.obstacles for name, frame in told.items()}

@@ -15,6 +15,7 @@ from pseudolidar.running.journal.record import OutputFile
 from pseudolidar.running.products.corridor_table import view_figures
 from pseudolidar.running.products.found import Found, found_file
 from pseudolidar.running.products.found_clouds import FoundOutputs
+from pseudolidar.running.products.label_classes import LABELLED
 from pseudolidar.running.products.obstacle_film import ObstacleArtist
 from pseudolidar.running.products.product import Product
 from pseudolidar.running.products.told_recording import found_parts
@@ -138,6 +139,9 @@ def figures(found: Found) -> dict[str, Any]:
         "obstacles": len(found.obstacles),
         "density": float(found.seen.sight.depth.valid.mean()),
     }
+    labels = found.seen.sight.labels
+    if labels is not None and found.searched:
+        told[LABELLED] = sorted({one.detection.name for one in labels if not one.ignore})
     if found.frame.notes:
         told["notes"] = list(found.frame.notes)
     if found.obstacles:

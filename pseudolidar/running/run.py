@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, Self, TypeVar
 
-from pseudolidar.errors import ALL_DONE, OutputError, PseudolidarError
+from pseudolidar.errors import ALL_DONE, OutputError, PseudolidarError, printable
 from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.crew.attempt import Done, Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
@@ -27,6 +28,7 @@ from pseudolidar.sources.source import FrameSequence
 from pseudolidar.structures.recorded import Frame
 
 Result = TypeVar("Result")
+_log = logging.getLogger(__name__)
 
 
 class RunSettings(Protocol):
@@ -179,6 +181,12 @@ class Run:
             in_flight=self.in_flight,
             searching=searching,
         )
+
+    def warn(self, lines: Iterable[str]) -> None:
+        """What is odd about the run as a whole: told now, and in the report."""
+        for line in lines:
+            _log.warning("%s", printable(line))
+            self._warnings = (*self._warnings, line)
 
     @property
     def committed(self) -> frozenset[str]:

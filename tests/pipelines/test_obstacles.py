@@ -318,6 +318,21 @@ def test_errors_name_the_flag_that_there_is(tmp_path, capsys, given, flag) -> No
     assert told(capsys, *job, code=2)["error"]["where"] == flag
 
 
+def test_classes_that_are_odd_are_warned_of_once(street, tmp_path, capsys, caplog) -> None:
+    data = tmp_path / "data"
+    shutil.copytree(street, data)
+    for file in data.glob("**/label_2/*.txt"):
+        file.write_text(file.read_text().replace("Pedestrian", "Unicorn", 1))
+    job = ("obstacles", str(data), str(tmp_path / "out"), "--matcher", "bm", "--no-check")
+    caplog.set_level("WARNING")
+    found = told(capsys, *job, "--detector.classes", "Cra", "--frames", "0")
+    assert found["figures"]["obstacles"]["max"] == 0
+    typed, unknown = json.loads((tmp_path / "out" / "report.json").read_text())["warnings"]
+    assert "no frame has the class Cra; there are Car" in typed
+    assert "does not have: Unicorn" in unknown
+    assert [line for line in caplog.messages if line.startswith("labels:")] == [typed, unknown]
+
+
 def test_labels_of_frames_that_have_no_picture_are_told(street, tmp_path, capsys) -> None:
     data = tmp_path / "data"
     shutil.copytree(street, data)
