@@ -329,8 +329,7 @@ def test_a_chosen_object_stays_in_place(app: App, opened_page: Page):
     chosen = app.obstacles.scene.chosen_one
     assert chosen is not None
     before = app.view.stage.placement.of_rig(chosen.middle_m)
-    opened_page.get_by_label("Hold the chosen").click()
-    for _ in range(1200):  # the click is a message, and drawn with the next tick
+    for _ in range(1200):  # drawn with the next tick
         if app.view.stage.placement.holds:
             break
         opened_page.wait_for_timeout(50)
@@ -345,6 +344,31 @@ def test_a_chosen_object_stays_in_place(app: App, opened_page: Page):
     assert now.key == chosen.key
     assert np.allclose(app.view.stage.placement.of_rig(now.middle_m), before, atol=1e-6)
     opened_page.get_by_label("Hold the chosen").click()
+    wait_until(lambda: not app.view.stage.placement.holds, patience_s=60)
+
+
+def test_the_page_and_the_pages_in_it_are_dark_or_light(app: App, opened_page: Page):
+    inner = (pictures(opened_page), objects_page(opened_page))
+    opened_page.get_by_role("tab", name="Scene").click()
+    dark = opened_page.get_by_label("Dark", exact=True)
+    if not dark.is_visible():
+        opened_page.get_by_text("Scene", exact=True).last.click()  # the folder
+    grounds = dict[str, list[str]]()
+    for scheme in ("light", "dark"):
+        dark.click()
+        opened_page.locator(f'html[data-mantine-color-scheme="{scheme}"]').wait_for(
+            state="attached", timeout=60_000
+        )
+        light = "body.light" if scheme == "light" else "body:not(.light)"
+        for one in inner:
+            one.locator(light).wait_for(state="attached", timeout=60_000)
+        grounds[scheme] = [
+            one.evaluate("getComputedStyle(document.body).backgroundColor")
+            for one in (opened_page, *inner)
+        ]
+        assert app.view.dark is (scheme == "dark")
+        screenshot(opened_page, scheme)
+    assert all(a != b for a, b in zip(grounds["light"], grounds["dark"], strict=True))
 
 
 @pytest.mark.parametrize("key", ["", "track 99", "<b>", "x" * 3000])

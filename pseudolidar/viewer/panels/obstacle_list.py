@@ -15,13 +15,13 @@ HEIGHT_PX = 260
 
 
 class ObstacleList:
-    """Tells objects, the nearest first; a click on one chooses it, or no one any more.
+    """Tells objects, the nearest first; a click on one follows it, or no one any more.
 
     Args:
         view: what is looked at.
         version: changes with what is told.
         told: what is told.
-        choose: called with the key of the object that somebody clicks on.
+        clicked: called with the key of the object that somebody clicks on.
     """
 
     def __init__(
@@ -29,9 +29,9 @@ class ObstacleList:
         view: View,
         version: Callable[[], str],
         told: Callable[[], ObjectScene],
-        choose: Callable[[str], None],
+        clicked: Callable[[str], None],
     ) -> None:
-        self._view, self._version, self._told, self._choose = view, version, told, choose
+        self._view, self._version, self._told, self._clicked = view, version, told, clicked
         page = PAGE.read_bytes()
         view.server.pages |= {
             "/obstacles": lambda _query: Answer(page, "text/html; charset=utf-8"),
@@ -44,7 +44,7 @@ class ObstacleList:
         )
 
     def _chosen(self, query: Mapping[str, str]) -> Answer:
-        self._choose(query.get("key", ""))
+        self._clicked(query.get("key", ""))
         return self._state({})
 
     def _state(self, _query: Mapping[str, str]) -> Answer:

@@ -102,7 +102,7 @@ class ObstaclesPanel:
             self._view,
             lambda: self.version,
             self._told,
-            lambda key: self.choose("" if key == self.scene.chosen else key),
+            self.follow,
         )
         self._chosen_controls()
         self._limits()
@@ -116,7 +116,8 @@ class ObstaclesPanel:
         self._follow = gui.add_checkbox(
             "Hold the chosen",
             False,
-            hint="The scene moves, the chosen object stays where it is, as long as it is followed.",
+            hint="The scene moves, the chosen object stays where it is, as long as it is followed. "
+            "A click on a line of the list holds it.",
         )
         self._look = gui.add_button("Look at the chosen one", disabled=True)
         self._follow.on_update(lambda _: self._hold())
@@ -277,6 +278,14 @@ class ObstaclesPanel:
         if self._follow.value:
             self._hold()
         self._again()
+
+    def follow(self, key: str) -> None:
+        """Choose one as `choose`, and hold it; the one that is chosen already is none any more."""
+        if key == self.scene.chosen:
+            key = ""
+        elif not self._follow.value and key in {one.key for one in self.scene.objects}:
+            set_value(self._follow, True)
+        self.choose(key)
 
     def in_picture(self, *, right: bool) -> tuple[PictureBox, ...]:
         """Boxes over the left or the right picture of the frame that is drawn."""

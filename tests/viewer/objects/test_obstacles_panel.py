@@ -92,6 +92,35 @@ def test_only_what_is_followed_is_held(panel, monkeypatch):
         assert not held or np.array_equal(place, shown.middle_m)
 
 
+def test_a_click_on_a_line_follows_until_it_is_let_go(panel, monkeypatch):
+    one, other = (ShownObject.of(n, car(), np.eye(4)) for n in (1, 2))
+    other = replace(other, key="track 9")
+
+    def scene(_moment=None) -> ObjectScene:
+        return ObjectScene(objects=(one, other), chosen=panel.watch.chosen)
+
+    monkeypatch.setattr(panel.watch, "scene", scene)
+    panel.scene = scene()
+    panel.choose(one.key)  # as a click into the picture does
+    assert panel._followed(panel._view.moment) is None
+    panel.follow(other.key)
+    assert panel._follow.value
+    assert panel.scene.chosen == other.key
+    assert panel._followed(panel._view.moment) is not None
+    panel._follow.value = False
+    assert panel.scene.chosen == other.key
+    assert panel._followed(panel._view.moment) is None
+    panel.follow(one.key)
+    assert panel._followed(panel._view.moment) is not None
+    panel.follow(one.key)  # again: nothing is chosen any more
+    assert panel.scene.chosen == ""
+    assert panel._followed(panel._view.moment) is None
+    panel._follow.value = False
+    panel.follow("nobody")
+    assert panel.scene.chosen == ""
+    assert not panel._follow.value
+
+
 def test_a_film_has_the_detector_the_limits_and_the_parts_that_are_chosen(panel):
     panel._kind.value = "labels"
     panel._watched.value = True
