@@ -268,14 +268,19 @@ def objects_page(page: Page) -> InnerPage:
     return inner
 
 
-def test_objects_are_listed_as_the_library_measures_them(app: App, opened_page: Page):
+def labels_page(app: App, page: Page) -> InnerPage:
+    """The list of what is labelled in the first frame."""
     app.view.jump(0)
-    shown(opened_page, 1)
-    inner = objects_page(opened_page)
-    opened_page.get_by_label("Detector").click()
-    opened_page.get_by_role("option", name="labels").click()
-    first = inner.locator("tbody tr").first
-    first.wait_for(timeout=60_000)
+    shown(page, 1)
+    inner = objects_page(page)
+    page.get_by_label("Detector").click()
+    page.get_by_role("option", name="labels").click()
+    inner.locator("tbody tr").first.wait_for(timeout=60_000)
+    return inner
+
+
+def test_objects_are_listed_as_the_library_measures_them(app: App, opened_page: Page):
+    inner = labels_page(app, opened_page)
     moment = app.view.moment
     assert moment is not None
     assert moment.converted is not None
@@ -291,7 +296,7 @@ def test_objects_are_listed_as_the_library_measures_them(app: App, opened_page: 
 
 def test_a_box_in_the_picture_chooses_its_object(app: App, opened_page: Page):
     """And tells what is in it; boxes can be switched off."""
-    listed, inner = objects_page(opened_page), pictures(opened_page)
+    listed, inner = labels_page(app, opened_page), pictures(opened_page)
     inner.get_by_text("left", exact=True).click()
     lines = inner.locator("#boxes polyline")
     objects = app.obstacles.scene.objects
