@@ -18,6 +18,7 @@ from pseudolidar.structures.camera import Camera
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame, Frame, RecordedCloud
 from pseudolidar.viewer.moment import Moment
+from pseudolidar.viewer.scan_errors import draw_dots, scan_error_picture
 
 # Depths that are red and blue.
 DEPTH_M = (3.0, 60.0)
@@ -90,9 +91,10 @@ def kinds(converted: Converted) -> dict[str, Callable[[Converted], UInt8]]:
     found["right"] = _right
     if converted.disparity is not None:
         found |= {"disparity": disparity_of, "depth": _depth, "sigma": _sigma}
-    if frame.truth is not None and converted.disparity is not None:
-        found["error"] = _error
-    if frame.scan is not None and frame.rig.T_left_velodyne is not None:
+    scanned = frame.scan is not None and frame.rig.T_left_velodyne is not None
+    if converted.disparity is not None and (frame.truth is not None or scanned):
+        found["error"] = scan_error_picture if frame.truth is None else _error
+    if scanned:
         found["velodyne"] = _velodyne
     return found
 
@@ -188,10 +190,7 @@ def _velodyne(converted: Converted) -> UInt8:
         return drawn
     near, far = DEPTH_M
     colours = turbo(-np.log(_positive(seen.depth_m)), -np.log(far), -np.log(near))
-    column, row = np.rint(seen.uv).astype(np.intp).T
-    height, width = drawn.shape[:2]
-    for down, right in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        drawn[np.minimum(row + down, height - 1), np.minimum(column + right, width - 1)] = colours
+    draw_dots(drawn, seen.uv, colours)
     return drawn
 
 

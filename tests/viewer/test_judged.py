@@ -9,12 +9,19 @@ import pytest
 from pseudolidar.pipelines.convert import Convert, ConvertFrame, opened
 
 from pseudolidar.evaluation.compared import against_scan
-from pseudolidar.evaluation.comparison.error_cloud import error_cloud
+from pseudolidar.evaluation.comparison.error_cloud import (
+    TOO_NEAR,
+    at_pixels,
+    error_cloud,
+    error_colours,
+    errors_m,
+)
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.frame import StereoFrame
-from pseudolidar.viewer.judged import error_of_pixels, judged
+from pseudolidar.viewer.judged import compared_of, error_of_pixels, judged
 from pseudolidar.viewer.moment import STEREO, Moment
+from pseudolidar.viewer.pictures import kinds
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +62,27 @@ def test_surfaces_agree_with_the_exact_truth(converted: Converted):
     assert both.sum() > 10_000
     off_m = np.abs(error_m - by_scan_m)[both]
     assert np.median(off_m) < 0.05  # beams are 0.4 degrees apart, with 2 cm of noise
+
+
+def test_errors_at_the_pixels_of_a_scan_are_drawn_where_there_is_no_truth(converted: Converted):
+    scanned, bare = without(converted, truth=None), without(converted, scan=None, truth=None)
+    assert "error" in kinds(converted)
+    assert "error" not in kinds(bare)
+    assert scanned.disparity is not None
+    drawn = kinds(scanned)["error"](scanned)
+    compared = compared_of(scanned, "scan")
+    assert compared is not None
+    # Each pixel has the error of a scan's point at it, or at its neighbour above or on its left.
+    relative = at_pixels(compared, errors_m(compared) / compared.reference_m)
+    alone = np.isfinite(relative)
+    beside = alone[:-1, 1:] | alone[1:, :-1] | alone[:-1, :-1]
+    alone[1:, 1:] &= ~beside
+    assert alone.sum() > 1000
+    assert np.array_equal(drawn[alone], error_colours(relative[alone]))
+    # What is 20 % too near everywhere is blue.
+    disparity = replace(scanned.disparity, values=scanned.disparity.values * 1.2)
+    blue = kinds(scanned)["error"](replace(scanned, disparity=disparity))[alone]
+    assert np.mean((blue == TOO_NEAR).all(axis=1)) > 0.9
 
 
 def test_without_a_reference_nothing_is_added(converted: Converted):
