@@ -121,7 +121,12 @@ class Seeds:
 
 
 def track(
-    first: MatchedPair, second: MatchedPair, rig: StereoRig, T_to_from: Float64
+    first: MatchedPair,
+    second: MatchedPair,
+    rig: StereoRig,
+    T_to_from: Float64,
+    *,
+    seeds: Seeds | None = None,
 ) -> PointTracks:
     """Corners of the first pair that the second one shows too, where the motion is not well known.
 
@@ -130,8 +135,9 @@ def track(
         second: of the same size.
         rig: rectified.
         T_to_from: (4, 4) a guess of the motion, such as that of the pairs before.
+        seeds: corners of the first pair, where they are known already.
     """
-    seeds = Seeds.of(first, rig, CORNERS_FIRST)
+    seeds = Seeds.of(first, rig, CORNERS_FIRST) if seeds is None else seeds
     uv, d = seeds.uv, seeds.d
     guess = _predicted(uv, d, rig, T_to_from)
     there, found = follow_both_ways(
@@ -203,7 +209,12 @@ def track_warped(
 
 
 def relative_pose(
-    first: MatchedPair, second: MatchedPair, rig: StereoRig, guess: Float64
+    first: MatchedPair,
+    second: MatchedPair,
+    rig: StereoRig,
+    guess: Float64,
+    *,
+    seeds: Seeds | None = None,
 ) -> RelativePose | None:
     """How the camera moved from one pair to another, from a rough guess or none.
 
@@ -212,11 +223,12 @@ def relative_pose(
         second: of the same size.
         rig: rectified.
         guess: (4, 4) `T_to_from`, such as the motion before; the identity where nothing is known.
+        seeds: corners of the first pair, where they are known already.
 
     Returns:
         None where too few points agree on a motion.
     """
-    tracks = track(first, second, rig, guess)
+    tracks = track(first, second, rig, guess, seeds=seeds)
     rough = first_pose(tracks, rig)
     return None if rough is None else refined_pose(rough, tracks, rig)
 

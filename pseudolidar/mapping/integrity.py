@@ -15,10 +15,9 @@ import numpy as np
 
 from pseudolidar.geometry.twists import inverted, log_twist
 from pseudolidar.mapping.second_look import SecondLook
+from pseudolidar.mapping.steps_apart import apart
 from pseudolidar.structures.arrays import Float64
 
-# A step this near to what was predicted needs no other witness: share of the way and least m, rad.
-NEAR_SHARE, NEAR_M, NEAR_RAD = 0.08, 0.005, 0.012
 # How far predictions may be off: one standard deviation, m and rad.
 PREDICTED_M, PREDICTED_RAD = 0.3, 0.03
 # Disagreement of pictures by a wrong step over that by the right one. Measured by
@@ -97,11 +96,3 @@ def step_check(
         vision,
         by_other,
     )
-
-
-def apart(one: Float64, other: Float64) -> bool:
-    """Whether two steps differ by more than predictions usually do."""
-    difference = log_twist(inverted(one) @ other)
-    way_m = max(float(np.linalg.norm(T[:3, 3])) for T in (one, other))
-    far = np.linalg.norm(difference[:3]) > max(NEAR_M, NEAR_SHARE * way_m)
-    return bool(far or np.linalg.norm(difference[3:]) > NEAR_RAD)

@@ -9,11 +9,14 @@ from pseudolidar.geometry.pnp import KERNEL_SIGMA, RelativePose, first_pose, ref
 from pseudolidar.geometry.tracking import (
     ITERATIONS_WARPED,
     WINDOW_OVER_TIME_PX,
+    Seeds,
     relative_pose,
     track_warped,
 )
 from pseudolidar.geometry.warping import Warp
 from pseudolidar.mapping.keyframe import Keyframe, Sight
+from pseudolidar.mapping.second_motion import Expected, camera_motion, left_over
+from pseudolidar.mapping.steps_apart import apart
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import StereoRig
 from pseudolidar.structures.correction import DisparityCorrection
@@ -22,6 +25,8 @@ from pseudolidar.structures.point_tracks import PointTracks
 # Every so many corners are enough for a first pose; pictures warped by a guess are compared on
 # these halvings, for guesses off by some pixels.
 ROUGH_EVERY, ROUGH_LEVELS = 3, 2
+# Another motion is one with so many points; so many are looked for besides the first.
+LEAST_SECOND, MORE_MOTIONS = 30, 2
 # Median of chi-square with the three degrees of freedom of (u, v, d).
 MEDIAN_CHI2_3 = 2.366
 # Errors of tracks are alike next to each other (windows overlap, seeds are shared): motions err
@@ -35,23 +40,62 @@ def registered(
     rig: StereoRig,
     guess: Float64 | None,
     correction: DisparityCorrection | None,
+    *,
+    expected: Expected | None = None,
 ) -> RelativePose | None:
     """The motion from a keyframe to a frame.
+
+    Most corners may be on something that moves by itself. So where the motion that most agree on is
+    not as expected, or nothing was, the others are asked for motions of their own, and the camera's
+    is told from them (`camera_motion`).
 
     Args:
         key: the earlier frame.
         sight: the later one.
         rig: rectified; its own correction is not used.
-        guess: (4, 4) `T_to_from` as it would be if the camera went on as before; None where
-            nothing is known.
+        guess: (4, 4) `T_to_from` that points are looked for near to; None to look from nothing.
         correction: systematic error of the disparities.
+        expected: the motion if the camera goes on as before; None where that is unknown.
 
     Returns:
         With tracks as measured; None where too few points agree on a motion.
     """
-    rough = None if guess is None else _rough(key, sight, rig, guess, correction)
+    first = _motion(key, key.seeds, sight, rig, guess, correction)
+    if first is None or (expected is not None and expected.comes_true(first)):
+        return first
+    motions = [first]
+    if expected is not None:
+        motions += _another(precisely(key, sight, rig, expected.T_to_from, correction), motions)
+    for _ in range(MORE_MOTIONS):
+        left = left_over(key.seeds, motions)
+        if len(left) < LEAST_SECOND:
+            break
+        more = _another(_motion(key, left, sight, rig, guess, correction), motions)
+        if not more:
+            break
+        motions += more
+    return camera_motion(motions, expected, rig)
+
+
+def _another(motion: RelativePose | None, known: list[RelativePose]) -> list[RelativePose]:
+    """A motion, if enough points agree on it and it is none of those known."""
+    if motion is None or inliers(motion) < LEAST_SECOND:
+        return []
+    return [motion] if all(apart(motion.T_to_from, one.T_to_from) for one in known) else []
+
+
+def _motion(
+    key: Keyframe,
+    seeds: Seeds,
+    sight: Sight,
+    rig: StereoRig,
+    guess: Float64 | None,
+    correction: DisparityCorrection | None,
+) -> RelativePose | None:
+    """The motion that most of some corners agree on, made precise by all of the keyframe."""
+    rough = None if guess is None else _rough(key, seeds, sight, rig, guess, correction)
     if rough is None:
-        found = relative_pose(key.sight.pair, sight.pair, rig, np.eye(4))
+        found = relative_pose(key.sight.pair, sight.pair, rig, np.eye(4), seeds=seeds)
         if found is None:
             return None
         rough = found.T_to_from
@@ -106,6 +150,7 @@ def offsets_px(
 
 def _rough(
     key: Keyframe,
+    seeds: Seeds,
     sight: Sight,
     rig: StereoRig,
     guess: Float64,
@@ -113,7 +158,7 @@ def _rough(
 ) -> Float64 | None:
     """(4, 4) that most of a few corners agree on, found in pictures warped by the guess."""
     warp = Warp.by(key.sight.pair.disparity, rig, guess, correction)
-    some = key.seeds[::ROUGH_EVERY]
+    some = seeds[::ROUGH_EVERY]
     at, found = follow(
         key.sight.pair.left,
         warp.left(sight.pair.left),

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from pseudolidar.geometry.twists import inverted
 from pseudolidar.mapping.alignment import Alignment
-from pseudolidar.mapping.integrity import apart
 from pseudolidar.mapping.scan_witness import ScanPlanes, ScanWitness
+from pseudolidar.mapping.steps_apart import apart
 from pseudolidar.structures.arrays import Float64
 
 # The scan must lie better by so much of its score than by vision's step to overrule it: steps that

@@ -19,6 +19,7 @@ from pseudolidar.mapping.keyframe import Keyframe, Sight, movable_pixels
 from pseudolidar.mapping.keyframes import Keyframes
 from pseudolidar.mapping.path import Hung
 from pseudolidar.mapping.registration import covariance, inliers, registered
+from pseudolidar.mapping.second_motion import Expected
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.box import Detection
 from pseudolidar.structures.camera import StereoRig
@@ -194,26 +195,37 @@ class VisualChain:
         blind = sight.blind or sight.frozen_since(last.sight)
         if blind:
             return blind
-        on = last.further(timestamp_ns)
-        T_odom_newest = self._pieces[-1].T_odom_newest
-        found = self._tried(sight, None if on is None else inverted(on) @ T_odom_newest)
-        if isinstance(found, str) and on is not None:
-            found = self._tried(sight, None)
+        expected = self._expected(timestamp_ns)
+        guess = None if expected is None else expected.T_to_from
+        found = self._tried(sight, guess, expected)
+        if isinstance(found, str) and guess is not None:
+            found = self._tried(sight, None, expected)
         if isinstance(found, str) and last.sight is not self._pieces[-1].newest.sight:
             # The keyframe may be too far behind: the last frame becomes one.
             self._add_keyframe(last.sight, last.hung)
             self._last = replace(last, hung=Hung.itself(self.offset))
-            found = self._tried(sight, None)
+            found = self._tried(sight, None, self._expected(timestamp_ns))
         return found
+
+    def _expected(self, timestamp_ns: int) -> Expected | None:
+        """The motion from the newest keyframe, if the camera goes on as before; None if unknown."""
+        on = self._before.further(timestamp_ns)
+        if on is None:
+            return None
+        seconds = (timestamp_ns - self._before.timestamp_ns) / NS_PER_S
+        return Expected(inverted(on) @ self._pieces[-1].T_odom_newest, seconds)
 
     @property
     def _before(self) -> _Last:
         assert self._last is not None  # asked for once a piece has begun
         return self._last
 
-    def _tried(self, sight: Sight, guess: Float64 | None) -> RelativePose | str:
-        """The motion near a guess, or why it is none."""
-        motion = registered(self._pieces[-1].newest, sight, self._rig, guess, self.correction)
+    def _tried(
+        self, sight: Sight, guess: Float64 | None, expected: Expected | None
+    ) -> RelativePose | str:
+        """The camera's motion, looked for near a guess, or why it is none."""
+        newest, correction = self._pieces[-1].newest, self.correction
+        motion = registered(newest, sight, self._rig, guess, correction, expected=expected)
         least = self._settings.least_inliers
         if motion is None:
             return f"too few points agree on a motion, {least} are wanted"

@@ -121,9 +121,9 @@ def test_vision_alone_goes_on_as_before_where_it_is_dark(street):
 def test_frames_that_were_cut_out_are_told_by_their_times(street, monkeypatch):
     guesses = []
 
-    def noted(key, sight, rig, guess, correction):
+    def noted(key, sight, rig, guess, correction, *, expected):
         guesses.append(guess)
-        return registered(key, sight, rig, guess, correction)
+        return registered(key, sight, rig, guess, correction, expected=expected)
 
     monkeypatch.setattr(visual_odometry, "registered", noted)
     odometry = VisualOdometry().start(street.rig)
@@ -231,12 +231,11 @@ def test_movable_things_are_not_looked_at(street, known_by):
     u, v = state.tracks.uv_from.T
     on_board = (u >= 60) & (u < 60 + BOARD_PX) & (v >= 20) & (v < 120)
     error_m = np.linalg.norm(state.T_odom_camera.translation_m - street.T_odom[2, :3, 3])
+    assert error_m < 0.02
     if known_by:
         assert not on_board.any()
-        assert error_m < 0.02
-    else:  # most points stay on the board
-        assert on_board.mean() > 0.5
-        assert error_m > 0.5
+    else:  # it was looked at, and told from the street by its motion
+        assert on_board.any()
 
 
 def test_what_does_not_fit_is_refused(street):
