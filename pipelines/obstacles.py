@@ -29,7 +29,7 @@ from pseudolidar.running.folder import check_usable
 from pseudolidar.running.journal.record import FrameRecord
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.nearness import Searching
-from pseudolidar.running.networks import networks_of
+from pseudolidar.running.networks import networks_of, timed
 from pseudolidar.running.products.corridor_table import encode_corridor, view_of, watched_in
 from pseudolidar.running.products.found import FOUND_FOLDER
 from pseudolidar.running.products.found_clouds import (
@@ -242,10 +242,17 @@ def run(job: Obstacles) -> ObstaclesReport:
     products = (*recording.names, *job.products)
     check_apart(job.out, paths_read(job.source), (*job.folders, *products), overwrite=job.overwrite)
     told: dict[str, ToldFrame] = {}
-    corridor = None
+    corridor, networks = None, networks_of(per_frame)
     with (
         run_page(job, source, moment_of, finds=True) as onlooker,
-        Run.open(job.out, job, source, products=products, networks=networks_of(per_frame)) as run,
+        Run.open(
+            job.out,
+            job,
+            source,
+            products=products,
+            networks=networks,
+            tell=lambda: timed(networks, per_frame),
+        ) as run,
         recording.open(job.out, run.expected(per_frame, crew=job.crew)) as log,
     ):
         settled = run.settled(log.held)

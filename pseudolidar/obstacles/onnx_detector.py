@@ -5,8 +5,10 @@ from __future__ import annotations
 import ast
 import logging
 import threading
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -37,6 +39,8 @@ _log = logging.getLogger(__name__)
 _FLAG = "--detector"
 # Input of a network of free size that does not say what it was trained with.
 _USUAL_SIZE = ImageSize(640, 640)
+# Frames whose times are kept, the last ones.
+_TIMED = 4096
 # Pictures in one run, where a network takes any number of them: memory grows with them.
 _MOST_AT_ONCE = 8
 
@@ -145,6 +149,7 @@ class NetworkDetector:
     names: ClassNames
     _session: NetworkSession | None = field(default=None, repr=False)
     _making: threading.Lock = field(default_factory=threading.Lock, repr=False)
+    _took_s: deque[float] = field(default_factory=partial(deque, maxlen=_TIMED), repr=False)
 
     def __getstate__(self) -> dict[str, Any]:
         kept = ("settings", "model", "layout", "names")
@@ -152,6 +157,7 @@ class NetworkDetector:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state, _session=None, _making=threading.Lock())
+        self._took_s = deque(maxlen=_TIMED)
 
     @property
     def session(self) -> NetworkSession:
@@ -183,11 +189,22 @@ class NetworkDetector:
         """
         size = (picture.shape[0], picture.shape[1])
         parts = crops(size, self.settings.tiles)
+        session = self.session
+        before_s = session.seconds_here
         found = [
             self._found(answer, crop, place, size)
             for crop, place, answer in self._answered(picture, parts)
         ]
+        with self._making:
+            self._took_s.append(session.seconds_here - before_s)
         return merged(found, size, self.names, overlap=self.settings.overlap)
+
+    @property
+    def median_ms(self) -> float | None:
+        """The network's own time for a frame, all parts of it; None before the first."""
+        with self._making:
+            took_s = list(self._took_s)
+        return 1e3 * float(np.median(took_s)) if took_s else None
 
     def _answered(
         self, picture: UInt8, parts: list[Crop]

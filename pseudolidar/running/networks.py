@@ -21,12 +21,33 @@ def networks_of(part: object) -> dict[str, dict[str, Any]]:
         part: loaded, such as `ConvertFrame`; parts are fields of dataclasses, and members of tuples
             and mappings in these.
     """
-    told: dict[str, dict[str, Any]] = {}
-    for network in _found(part, set()):
-        kind = "detector" if isinstance(network, NetworkDetector) else "matcher"
-        same = sum(name.split()[0] == kind for name in told)
-        told[f"{kind} {same + 1}" if same else kind] = network.describe()
+    return {name: network.describe() for name, network in _by_name(part).items()}
+
+
+def with_times(
+    networks: Mapping[str, Mapping[str, Any]], part: object
+) -> dict[str, dict[str, Any]]:
+    """`networks_of` a part, with what a frame took those that find objects so far: `median_ms`."""
+    told = {name: dict(network) for name, network in networks.items()}
+    for name, network in _by_name(part).items():
+        if isinstance(network, NetworkDetector) and network.median_ms is not None:
+            told[name]["median_ms"] = round(network.median_ms, 2)
     return told
+
+
+def timed(networks: Mapping[str, Mapping[str, Any]], part: object) -> dict[str, Any]:
+    """The figures of a run that tell of its networks; none where there are none."""
+    return {"networks": with_times(networks, part)} if networks else {}
+
+
+def times_in_words(networks: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """A line for each whose time is known."""
+    return [
+        f"network of the {name}: {network['median_ms']:.1f} ms a frame on {network['provider']}, "
+        "median of its own time"
+        for name, network in networks.items()
+        if "median_ms" in network
+    ]
 
 
 def deciding(networks: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
@@ -35,6 +56,16 @@ def deciding(networks: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, A
         name: {key: network[key] for key in DECIDES if key in network}
         for name, network in networks.items()
     }
+
+
+def _by_name(part: object) -> dict[str, NetworkDetector | NetworkMatcher]:
+    """What each is for."""
+    named: dict[str, NetworkDetector | NetworkMatcher] = {}
+    for network in _found(part, set()):
+        kind = "detector" if isinstance(network, NetworkDetector) else "matcher"
+        same = sum(name.split()[0] == kind for name in named)
+        named[f"{kind} {same + 1}" if same else kind] = network
+    return named
 
 
 def _found(part: object, seen: set[int]) -> Iterator[NetworkDetector | NetworkMatcher]:

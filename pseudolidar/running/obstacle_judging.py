@@ -20,7 +20,7 @@ from pseudolidar.running.bad_frames import OnError, good_frames
 from pseudolidar.running.crew.attempt import Skipped
 from pseudolidar.running.crew.crew_plan import CrewPlan
 from pseudolidar.running.drawn_frames import detector_for
-from pseudolidar.running.networks import networks_of
+from pseudolidar.running.networks import networks_of, with_times
 from pseudolidar.running.progress import FrameProgress
 from pseudolidar.running.sighting import SightFrame
 from pseudolidar.running.stream import stream
@@ -123,7 +123,7 @@ def judge_obstacles(
         frames=len(judged),
         precisions=average_precisions([frame.boxes for frame in judged]),
         found_by_labels=any(isinstance(detector, Labels) for detector in detectors),
-        networks=networks_of(per_frame),
+        networks=with_times(networks_of(per_frame), per_frame),
         without_labels=tuple(without),
         seconds_per_frame=float(np.median([frame.seconds for frame in judged])),
         skipped=[(frame.id, str(frame.error)) for frame in skipped],

@@ -136,7 +136,7 @@ class Run:
                 on_error=job.on_error,
                 signals=signals,
             )
-            run._tell = tell if not networks else lambda: {**tell(), "networks": networks}
+            run._tell = tell if not networks else lambda: {"networks": networks, **tell()}
             try:
                 yield run
                 run._ended_by = SIGNAL_EXIT_BASE + signals.told if signals.told else ALL_DONE

@@ -132,7 +132,11 @@ def test_names_come_from_metadata_and_classes_can_be_chosen(tmp_path: Path) -> N
 def test_it_can_be_sent_to_another_process(tmp_path: Path) -> None:
     path = graphs.written(tmp_path / "a.onnx", graphs.end_to_end())
     detector = loaded(path)
+    assert detector.median_ms is None
+    detector.detect(PICTURE_PX)
+    assert detector.median_ms > 0
     again = pickle.loads(pickle.dumps(detector))
+    assert again.median_ms is None
     assert [one.box_px for one in again.detect(PICTURE_PX)] == [
         one.box_px for one in detector.detect(PICTURE_PX)
     ]

@@ -75,6 +75,9 @@ def test_a_stopped_run_goes_on_with_the_same_network_wherever_it_lies(
     assert told["passed_now"] < told["committed"] == FRAMES, "committed frames were done again"
     assert f"sha256 {sha256(first)[:12]}, licence: not said".encode() in done.stderr
     assert told["networks"]["detector"]["sha256"] == sha256(first)
+    own_ms = told["networks"]["detector"]["median_ms"]
+    assert 0 < own_ms < 1e3 * told["times"]["seconds"]
+    assert f"{own_ms:.1f} ms a frame on cpu" in (out / "report.html").read_text()
     whole = command(long_drive, tmp_path / "whole", first)
     assert main(whole) == 0
     for name in TABLES:

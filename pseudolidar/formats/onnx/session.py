@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Mapping
 from typing import Any, Literal
 
@@ -78,6 +80,7 @@ class NetworkSession:
                 fix=f"Install them, or pass {flag}.provider cpu.",
             )
         self.provider = chosen
+        self._spent = threading.local()
         self.outputs: list[str] = [output.name for output in self._session.get_outputs()]
 
     def __call__(self, tensors: Mapping[str, AnyArray]) -> list[AnyArray]:
@@ -86,11 +89,18 @@ class NetworkSession:
         Raises:
             ModelError: the network does not take these tensors.
         """
+        begun_s = time.perf_counter()
         try:
             found: list[AnyArray] = self._session.run(self.outputs, dict(tensors))
         except _runtime_errors() as error:
             raise _refused(self.model, error, tensors) from error
+        self._spent.seconds = self.seconds_here + time.perf_counter() - begun_s
         return found
+
+    @property
+    def seconds_here(self) -> float:
+        """What all runs of the calling thread took together, s."""
+        return float(getattr(self._spent, "seconds", 0.0))
 
 
 def _chosen(provider: Provider, flag: str) -> str:

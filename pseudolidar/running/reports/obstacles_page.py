@@ -207,6 +207,8 @@ def _overview(
     rows = list(settings.items())
     for name, network in result.figures_of_run.get("networks", {}).items():
         words = f"{network['file']}, sha256 {network['sha256']}, licence: {network['licence']}"
+        if "median_ms" in network:
+            words += f"; {network['median_ms']:.1f} ms a frame on {network['provider']} (median)"
         rows.append((f"network of the {name}", words))
     if rig is not None:
         rows += rig_rows(rig)

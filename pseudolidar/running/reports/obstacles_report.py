@@ -11,6 +11,7 @@ from typing import Any, Literal
 from pseudolidar.evaluation.obstacles import JudgedObject, by_band, usual_by_band
 from pseudolidar.obstacles.corridor import StopRule
 from pseudolidar.obstacles.corridor_view import State
+from pseudolidar.running.networks import times_in_words
 from pseudolidar.running.products.corridor_table import Watched
 from pseudolidar.running.reports.numbers import counted
 from pseudolidar.running.reports.obstacle_objects import objects_text
@@ -112,6 +113,8 @@ class ObstaclesReport:
             lines.append(f"  {count['mean']:.1f} obstacles a frame, at most {count['max']:.0f}")
         if "nearest_m" in figures:
             lines.append(f"  the nearest at {figures['nearest_m']['min']:.2f} m")
+        networks = self.result.figures_of_run.get("networks", {})
+        lines += [f"  {line}" for line in times_in_words(networks)]
         lines += [*self._corridor_lines(), *self._object_lines()]
         tables = (path for path in self.tables if path.exists())
         return "\n".join([*lines, *(f"  {path}" for path in tables)])
