@@ -11,8 +11,9 @@ from pseudolidar.cli import main
 
 pytestmark = pytest.mark.real
 LABELLED = "13,35,41,47,53,58,76,92,111,130,146"
-# Median and 90th percentile of the absolute error that are allowed on a refined rig, m.
-WANTED = ((0.20, 0.6), (0.35, 0.9), (0.60, 1.8), (1.1, 4.0))
+# Median and 90th percentile of the absolute error that are allowed on a refined rig, m. Wanted are
+# 1.4 m for 90 % at 30-50 m: that is missed (1.54 m), and 1.6 keeps it from growing.
+WANTED = ((0.20, 0.6), (0.35, 0.9), (0.55, 1.6), (1.1, 4.0))
 
 
 def told(capsys, *args: str) -> dict:
@@ -47,3 +48,5 @@ def test_distances_on_a_rig_refined_by_other_frames(
         assert band["median_abs_m"] <= median_m
         assert band["p90_abs_m"] <= p90_m
     assert 0.58 <= found["within_1_sigma"] <= 0.78
+    assert found["cars"]["width_median_abs_m"] < 0.3
+    assert found["cars"]["height_median_abs_m"] < 0.3
