@@ -10,6 +10,7 @@ from typing import Self
 from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.boxes.gathered import Gatherer
 from pseudolidar.viewer.comparing.joined import joined
+from pseudolidar.viewer.drawn_cameras import DrawnCameras
 from pseudolidar.viewer.drawn_ground import DrawnGround
 from pseudolidar.viewer.drawn_meshes import DrawnMeshes
 from pseudolidar.viewer.drawn_octrees import DrawnOctrees
@@ -70,6 +71,7 @@ class App:
         self.meshes = DrawnMeshes(server.viser, self.view.stage)
         self.view.on_shown(lambda _: self.meshes.redraw())
         self.view.on_stop(self.meshes.close)
+        self.cameras = DrawnCameras(self.view)
         self.ground = DrawnGround(self.view)
         self.ruler = DrawnRuler(server.viser, lambda: self.ground.level_m)
         self.view.on_shown(lambda _: self.ruler.wake())
@@ -110,7 +112,7 @@ class App:
             names = ["Help", "Scene", "Export"]
         tab = {name: tabs.add_tab(name) for name in names}
         with tab["Scene"]:
-            self.scene = ScenePanel(self.view, self.meshes, self.ground, self.ruler)
+            self.scene = ScenePanel(self.view, self.meshes, self.ground, self.ruler, self.cameras)
             self.paths = PathsPanel(self.view, self.path)
             self.detail = DetailPanel(self.view, self.octrees)
         if "Tune" in tab:

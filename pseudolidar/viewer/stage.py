@@ -1,4 +1,4 @@
-"""What is drawn: clouds, cameras and ground as nodes of viser, changed in place."""
+"""What is drawn: clouds, and the rig in the map, as nodes of viser, changed in place."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pseudolidar.geometry.grey import rgb_of
 from pseudolidar.geometry.quaternion import quaternion_wxyz
-from pseudolidar.running.reports.samples import photo_of
 from pseudolidar.structures.arrays import AnyArray, Float32, Float64, UInt8
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring, Scale
@@ -28,9 +26,6 @@ if TYPE_CHECKING:
 MAP, RIG = "/map", "/map/rig"
 # Points of one cloud of a frame.
 MOST_POINTS = 150_000
-# Width of the photo in a camera's frustum, px, and how far ahead of the camera it stands, m.
-PHOTO_PX, FRUSTUM_M = 320, 1.5
-CAMERA_COLOUR = (240, 160, 30)
 # A cloud that is not moved aside.
 NOWHERE = (0.0, 0.0, 0.0)
 
@@ -74,7 +69,6 @@ class Stage:
         self._stills: dict[str, PointCloud] = {}
         self._coarse: set[str] = set()
         self._drawn_as: dict[str, Look] = {}
-        self._camera: Any = None
         self._sight: Sight | None = None
         self.placement = Placement()
         self.looks: dict[str, Look] = {}
@@ -163,7 +157,6 @@ class Stage:
             for name in self._stills:
                 if self.looks.get(name) is not self._drawn_as.get(name):
                     self._put_cloud(name)
-            self._draw_camera(moment)
 
     def of_camera(self, xyz_m: Float64) -> Float64 | None:
         """(3,) where a point of the left camera's frame is in the scene; None without a camera."""
@@ -254,36 +247,6 @@ class Stage:
             return
         handle.points, handle.colors, handle.point_size = points, colours, look.point_m
         self._arrange(name, handle)
-
-    def _draw_camera(self, moment: Moment) -> None:
-        sight = moment.sight
-        if sight is None or moment.converted is None:
-            if self._camera is not None:
-                self._camera.visible = False
-            return
-        photo = _small(photo_of(moment.converted.frame))
-        if self._camera is None:
-            self._camera = self._scene.add_camera_frustum(
-                f"{RIG}/camera", *_opening(sight), scale=FRUSTUM_M, color=CAMERA_COLOUR, image=photo
-            )
-        self._camera.image, self._camera.visible = photo, True
-        T = sight.T_forward_camera
-        self._camera.wxyz, self._camera.position = quaternion_wxyz(T[:3, :3]), T[:3, 3]
-
-
-def _opening(sight: Sight) -> tuple[float, float]:
-    """Vertical angle, rad, and width over height of a camera."""
-    camera = sight.camera
-    fov = 2 * np.arctan2(camera.height_px / 2, float(camera.K[1, 1]))
-    return float(fov), camera.width_px / camera.height_px
-
-
-def _small(photo: UInt8) -> UInt8:
-    import cv2
-
-    height, width = photo.shape[:2]
-    size = PHOTO_PX, max(round(PHOTO_PX * height / width), 1)
-    return rgb_of(np.asarray(cv2.resize(photo, size, interpolation=cv2.INTER_AREA), np.uint8))
 
 
 def _aside(T: Float64, shift_m: tuple[float, float, float]) -> Float64:

@@ -10,6 +10,7 @@ import numpy as np
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring, Scale, ways
 from pseudolidar.viewer.controls import set_value
+from pseudolidar.viewer.drawn_cameras import DrawnCameras
 from pseudolidar.viewer.drawn_ground import DrawnGround
 from pseudolidar.viewer.drawn_meshes import DrawnMeshes
 from pseudolidar.viewer.drawn_ruler import DrawnRuler
@@ -31,12 +32,18 @@ class ScenePanel:
         meshes: that lie in it.
         ground: the grid, and rings of range.
         ruler: the scale bar.
+        cameras: of the rig.
     """
 
     def __init__(
-        self, view: View, meshes: DrawnMeshes, ground: DrawnGround, ruler: DrawnRuler
+        self,
+        view: View,
+        meshes: DrawnMeshes,
+        ground: DrawnGround,
+        ruler: DrawnRuler,
+        cameras: DrawnCameras,
     ) -> None:
-        self._view, self._meshes = view, meshes
+        self._view, self._meshes, self._cameras = view, meshes, cameras
         self._folders: dict[str, ColourControls] = {}
         gui = view.gui
         view.stage.looks.setdefault(VELODYNE, SCAN_LOOK)
@@ -47,6 +54,7 @@ class ScenePanel:
         with gui.add_folder("Scene", expand_by_default=False):
             follow = gui.add_checkbox("Follow the rig", initial_value=True)
             axes = gui.add_checkbox("Axes", initial_value=True)
+            self._seen = gui.add_checkbox("Cameras", initial_value=True, visible=False)
             bar = gui.add_checkbox("Scale bar", initial_value=True)
             rings = gui.add_checkbox("Rings of range", initial_value=False, visible=ground.has_rig)
             grid = gui.add_checkbox(ground.title, initial_value=False)
@@ -55,6 +63,7 @@ class ScenePanel:
         key.on_trigger(lambda _: set_value(follow, not follow.value))
         follow.on_update(lambda _: self._follow(following=follow.value))
         axes.on_update(lambda _: view.stage.show_axes(shown=axes.value))
+        self._seen.on_update(lambda _: cameras.show(shown=self._seen.value))
         bar.on_update(lambda _: ruler.show(shown=bar.value))
         rings.on_update(lambda _: ground.show_rings(shown=rings.value))
         grid.on_update(lambda _: ground.show_grid(shown=grid.value))
@@ -69,6 +78,8 @@ class ScenePanel:
         self._view.redraw()
 
     def _show(self, moment: Moment) -> None:
+        if self._cameras.there:
+            self._seen.visible = True
         for name in moment.clouds:
             if name not in self._folders:
                 self._add(name, moment.clouds[name], judged=name in moment.makings)
