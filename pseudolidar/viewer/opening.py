@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pseudolidar.errors import PseudolidarError, SourceUnknown, printable
+from pseudolidar.errors import PseudolidarError, SourceEmpty, SourceUnknown, printable
 from pseudolidar.formats.obstacle_json import read_obstacles
 from pseudolidar.formats.points.cloud_file import is_cloud_file
 from pseudolidar.formats.trajectory_file import (
@@ -24,6 +25,7 @@ from pseudolidar.geometry.frames import R_BODY_OPTICAL
 from pseudolidar.running.mapped.mesh_outputs import MESH_NAME
 from pseudolidar.sources.cloud_files import CloudFiles
 from pseudolidar.sources.recognise import Source, recognise
+from pseudolidar.sources.recording.paths import RecordedPath, paths_alone
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.obstacle import Obstacle
@@ -31,6 +33,8 @@ from pseudolidar.viewer.large import MOST_WHOLE, StillClouds
 from pseudolidar.viewer.meshes import is_mesh_file, read_still_mesh
 from pseudolidar.viewer.reel import Reel
 from pseudolidar.viewer.stills import TRUTH_COLOUR, Still, StillOctree, StillPath
+
+_log = logging.getLogger(__name__)
 
 RUN_FILE = "run.json"
 # What `map` leaves, and the path in it: the map's own form of it, not the camera's.
@@ -114,7 +118,29 @@ class Opening:
         elif place.is_file() and _is_path(place):
             self._stills.append(_path_of(place, self._name(place)))
         else:
-            self._reels.append(self.reel_of(recognise(path)))
+            self._open_source(recognise(path))
+
+    def _open_source(self, source: Source) -> None:
+        """Its frames; of a recording that has nothing to be seen, where its robot went."""
+        try:
+            self._reels.append(self.reel_of(source))
+        except SourceEmpty:
+            paths = paths_alone(source) if isinstance(source, Recording) else ()
+            if not paths:
+                raise
+            self._lay_paths(Path(source.path), paths)
+
+    def _lay_paths(self, recording: Path, paths: Sequence[RecordedPath]) -> None:
+        """Lay the longest path, and those in the same frame: of others nobody knows where it is."""
+        frame = paths[0].frame
+        for one in paths:
+            if one.frame == frame:
+                name = f"{recording.name} {one.topic.strip('/').replace('/', '.')}"
+                self._stills.append(StillPath(self._name(Path(name)), one.places_m))
+            else:
+                _log.warning(
+                    "%s is not shown: it is in %s, and not in %s", one.topic, one.frame, frame
+                )
 
     def _open_run(self, folder: Path) -> None:
         found_objects = (folder / OBJECTS_NAME).is_file()
