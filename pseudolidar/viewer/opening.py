@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,7 +26,6 @@ from pseudolidar.geometry.frames import R_BODY_OPTICAL
 from pseudolidar.running.mapped.mesh_outputs import MESH_NAME
 from pseudolidar.sources.cloud_files import CloudFiles
 from pseudolidar.sources.recognise import Source, recognise
-from pseudolidar.sources.recording.paths import RecordedPath, paths_alone
 from pseudolidar.sources.recording.recording import Recording
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.obstacle import Obstacle
@@ -33,6 +33,9 @@ from pseudolidar.viewer.large import MOST_WHOLE, StillClouds
 from pseudolidar.viewer.meshes import is_mesh_file, read_still_mesh
 from pseudolidar.viewer.reel import Reel
 from pseudolidar.viewer.stills import TRUTH_COLOUR, Still, StillOctree, StillPath
+
+if TYPE_CHECKING:
+    from pseudolidar.sources.recording.paths import RecordedPath
 
 _log = logging.getLogger(__name__)
 
@@ -125,6 +128,8 @@ class Opening:
         try:
             self._reels.append(self.reel_of(source))
         except SourceEmpty:
+            from pseudolidar.sources.recording.paths import paths_alone
+
             paths = paths_alone(source) if isinstance(source, Recording) else ()
             if not paths:
                 raise

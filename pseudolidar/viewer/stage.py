@@ -119,9 +119,14 @@ class Stage:
 
     @property
     def still_places(self) -> AnyArray:
-        """(N, 3) points and vertices of what lies still, of large clouds the coarsest."""
+        """(N, 3) points and vertices of what lies still, of large clouds the coarsest.
+
+        Where there is nothing but paths, their places.
+        """
         clouds = [cloud.xyz for cloud in self._stills.values()]
         clouds += [one.mesh.vertices for one in self.every_still if isinstance(one, StillMesh)]
+        if not clouds:
+            clouds = [one.places_m for one in self.every_still if isinstance(one, StillPath)]
         return np.concatenate(clouds) if clouds else np.zeros((0, 3))
 
     @property

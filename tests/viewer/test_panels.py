@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 
+import numpy as np
 import pytest
 
 from pseudolidar.viewer import app as whole
@@ -13,6 +14,7 @@ from pseudolidar.viewer.live_reel import LiveReel
 from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.panels.help import keys, listed
 from pseudolidar.viewer.panels.run import NOTHING, WAITING
+from pseudolidar.viewer.stills import StillPath
 from tests.viewer.clients import wait_until
 from tests.viewer.test_filming import Frames
 
@@ -90,3 +92,11 @@ def test_clouds_without_pictures_have_no_empty_frame_for_them():
     with App.made(Address(port=0), Opened((frames,))) as app:
         app.view.show(frames.load(0))
         assert not app.picture._folder.visible
+
+
+def test_paths_alone_are_looked_at_as_a_whole():
+    places_m = np.array([[0.0, 0, 0], [200, 0, 0], [200, 100, 0]])
+    with App.made(Address(port=0), Opened(stills=(StillPath("way", places_m),))) as app:
+        camera = app.view.server.viser.initial_camera
+        away_m = np.linalg.norm(np.subtract(camera.position, camera.look_at))
+    assert away_m > 100
