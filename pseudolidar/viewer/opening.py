@@ -153,7 +153,7 @@ class Opening:
             self._objects |= read_obstacles(folder / OBJECTS_NAME)
         found = list(_of_run(folder))
         # Objects are better seen in frames with their pictures than in clouds alone; of runs that
-        # left maps of disparity or depth, or only figures, there is nothing but the frames.
+        # left maps of disparity or depth alone there is nothing but the frames.
         if found_objects or not found:
             reel = self.reel_of_run(folder)
             if reel is not None:
