@@ -35,6 +35,7 @@ from pseudolidar.running.field_markers import (
 from pseudolidar.running.folder import check_usable
 from pseudolidar.running.mapped.build import FRAME_FOLDER, MapSettings, built
 from pseudolidar.running.mapped.checkpoints import Checkpoints
+from pseudolidar.running.mapped.finished import FINISHED_FILE, Finished, FinishedReport
 from pseudolidar.running.mapped.frame_table import FRAME_TABLE, write_frame_table
 from pseudolidar.running.mapped.glimpse import Glimpse
 from pseudolidar.running.mapped.map_files import TILE_FOLDER, WHOLE_NAME, Made, write_map
@@ -56,6 +57,7 @@ from pseudolidar.running.rehearsal import Rehearsal, rehearse
 from pseudolidar.running.reports.map_page import write_map_page
 from pseudolidar.running.reports.map_report import MapReport, errors_of
 from pseudolidar.running.run import Run
+from pseudolidar.running.settings_json import to_json
 from pseudolidar.running.settings_schema import described
 from pseudolidar.running.sighting import SightFrame
 from pseudolidar.running.stream import stream
@@ -89,7 +91,7 @@ class Map:
     where they are more than five in a row the path ends, and another one begins. Where the source
     knows its poses (KITTI, synthetic:street), the path is compared with them. Killed and started
     again, a run does not match again what it has matched, and goes on along the path from at most
-    50 frames ago, or a 20th of them.
+    50 frames ago, or a 20th of them; one that is done says so and tells its figures again.
 
         pseudolidar map synthetic:street:40 out/street
         pseudolidar map synthetic:street:40 out/street --view
@@ -217,7 +219,8 @@ class Map:
         film = (ODOMETRY_FILM,) if self.debug_video else ()
         meshes = self.mesh_to.files if self.mesh else ()
         robots = OCCUPANCY_FILES if self.occupancy else ()
-        return (TUM_NAME, KITTI_NAME, FRAME_TABLE, RIG_NAME, *maps, *meshes, *robots, *film)
+        path = (TUM_NAME, KITTI_NAME, FRAME_TABLE, RIG_NAME)
+        return (*path, *maps, *meshes, *robots, *film, FINISHED_FILE)
 
     @property
     def folders(self) -> tuple[str, ...]:
@@ -226,7 +229,7 @@ class Map:
         return (WORK_FOLDER, TILE_FOLDER, *frames)
 
 
-def run(job: Map) -> MapReport | Rehearsal:
+def run(job: Map) -> MapReport | FinishedReport | Rehearsal:
     """Match every frame, chain them in order; then the map, along the path as known at the end."""
     source = opened(job)
     check_usable(job.out)
@@ -239,8 +242,12 @@ def run(job: Map) -> MapReport | Rehearsal:
     with (
         run_page(job, source, onlooking()) as onlooker,
         Run.open(job.out, job, source, products=products, networks=networks_of(match_once)) as run,
-        places_of(job) as places,
+        contextlib.ExitStack() as closing,
     ):
+        finished = Finished(run, [*products, *job.frame_clouds.kinds, to_json(job.map)])
+        if (told := told_before(job, run, finished)) is not None:
+            return told
+        places = closing.enter_context(places_of(job))
         known = run.committed
         more = len(known) < len(source.ids)
         run.check(wanted=job.check and more, crew=job.crew, searching=job.searching)
@@ -275,18 +282,29 @@ def run(job: Map) -> MapReport | Rehearsal:
             onlooker.lay_mesh(made.mesh)
     if run.result().ended_early:
         return MapReport.stopped(run.result(), job.out)
-    forget_work(job, run)
     steps = len(walk.placed) - len(passed)
     pace_s, errors = seconds / steps if steps else None, errors_of(walked.pieces)
-    files, told = (*files, *made.files), run.result()
-    report = MapReport(told, job.out, walked, errors, pace_s, files, made.figures)
-    return write_map_page(report, source, made, settings=chosen(job))
+    files, result = (*files, *made.files), run.result()
+    report = MapReport(result, job.out, walked, errors, pace_s, files, made.figures)
+    report = write_map_page(report, source, made, settings=chosen(job))
+    finished.keep(report)
+    forget_work(job, run)
+    return report
 
 
 def rehearsed(job: Map, source: FrameSource, match_once: MatchOnce) -> Rehearsal:
     """What a run would take."""
     preflight(source, wanted=job.check, crew=job.crew, searching=job.searching)
     return rehearse(source, match_once.product, folder=job.out, crew=job.crew).checked()
+
+
+def told_before(job: Map, run: Run, finished: Finished) -> FinishedReport | None:
+    """What an earlier run told, where nothing is left to do, nor to be looked at meanwhile."""
+    work_is_missing = len(run.committed) < len(run.source.ids)
+    report = None if job.view or (job.keep_work and work_is_missing) else finished.report()
+    if report is not None:
+        forget_work(job, run)
+    return report
 
 
 def places_of(job: Map) -> AbstractContextManager[PlaceFile | None]:

@@ -25,6 +25,8 @@ from pseudolidar.formats.points.ply import read_ply
 from pseudolidar.formats.trajectory import read_kitti_poses
 from pseudolidar.formats.tum import read_tum_trajectory
 from pseudolidar.running.mapped import checkpoints
+from pseudolidar.running.mapped.frame_table import FRAME_TABLE
+from pseudolidar.running.mapped.walk import Walk
 
 # Small pictures that still hold some hundred tracks.
 WORLD = ["synthetic:street", "--source.frames", "5", "--source.width-px", "480"]
@@ -179,6 +181,37 @@ def test_the_path_alone(tmp_path: Path):
     assert not list(tmp_path.glob("map.*"))
     assert not (tmp_path / ".work").exists()
     assert len(read_tum_trajectory(tmp_path / "trajectory.tum")[0]) == 3
+
+
+def test_a_run_that_is_done_says_so_and_tells_its_figures_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    some = ("--odometry", "vision", "--frames", "0:3", "--to", "none", "--frame-clouds", "npz")
+    assert run_map(tmp_path, *some) == 0
+    first = capsys.readouterr().out.splitlines()
+    before = (tmp_path / FRAME_TABLE).stat().st_mtime_ns
+    with monkeypatch.context() as unwalked:
+        unwalked.setattr(Walk, "step", None)
+        assert run_map(tmp_path, *some) == 0
+        again = capsys.readouterr().out.splitlines()
+        assert again[1:] == first[1:]
+        assert "already complete" in again[0]
+        assert run_map(tmp_path, *some, "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["trajectory"]["frames"] == 3
+    assert [Path(name).name for name in told["files"]][-1] == "report.html"
+    assert (tmp_path / FRAME_TABLE).stat().st_mtime_ns == before
+    assert not (tmp_path / ".work").exists()
+    # A file that is torn is made again, one in a folder too.
+    cloud = next((tmp_path / "frames").iterdir())
+    whole = cloud.read_bytes()
+    cloud.write_bytes(whole[:-9])
+    assert run_map(tmp_path, *some) == 0
+    assert cloud.read_bytes() == whole
+    # And what is wanted otherwise than before, though its file has the same name.
+    with monkeypatch.context() as unwalked:
+        unwalked.setattr(Walk, "step", None)
+        assert run_map(tmp_path, *some, "--map.mesh.voxel-m", "0.2") == 1
 
 
 def test_other_outputs_of_what_was_matched(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
