@@ -6,7 +6,7 @@ The rig is that of the thesis (7 cm baseline, 640x480), the target 13 cm wide an
 `obstacles`; medians over seeds of the room, the texture and the noise. In the room stands nothing
 before it. With `box` it is a poster of many colours, found by its exact box in the picture; with
 `colour` cloth of one hue, which nothing else in the room has, found by the detector of colours.
-Errors of the thesis are beside.
+The thesis' errors and those that are wanted are beside; a row that does not hold ends it with 1.
 """
 
 from __future__ import annotations
@@ -36,6 +36,8 @@ from pseudolidar.structures.box import Detection
 from pseudolidar.structures.obstacle import Obstacle
 
 SEEDS, WIDTH_M, THICK_M = 20, 0.13, 0.01
+# What is wanted: see `Row.wanted_m`; and of the width.
+GOOD_SHARE, LAST_SHARE, WIDTH_SHARE = 0.01, 0.03, 0.03
 RED, PURPLE = (0.55, 0.06, 0.05), (0.45, 0.05, 0.55)
 HUE = Colour(Hues.parse("270-310"), least_pixels=6, opening=1)
 PLACE, RATE_HZ, NEAREST_M = (-5.0, -2.4, SENSOR_HEIGHT_M), 10.0, 0.35
@@ -129,31 +131,89 @@ def measured_targets(
     return found
 
 
+@dataclass(frozen=True)
+class Row:
+    """Medians over seeds at one distance, beside what the thesis has and what is wanted.
+
+    Args:
+        distance_m: true distance.
+        found: the target in each room in which it is found.
+        theirs_m: the thesis' error of distance.
+        theirs_width_m: the thesis' error of width; None where it has none.
+    """
+
+    distance_m: float
+    found: tuple[Obstacle, ...]
+    theirs_m: float
+    theirs_width_m: float | None
+
+    @property
+    def off_m(self) -> float:
+        """Our error of distance."""
+        return float(np.median([abs(one.distance_m - self.distance_m) for one in self.found]))
+
+    @property
+    def wanted_m(self) -> float:
+        """The thesis' error is beaten where it exceeds 1 %, else 1 % held; 3 % at the end."""
+        if self.distance_m == max(FAR):
+            return LAST_SHARE * self.distance_m
+        return max(self.theirs_m, GOOD_SHARE * self.distance_m)
+
+    @property
+    def width_m(self) -> float:
+        """Our width."""
+        return float(np.median([across_m(one.box) for one in self.found]))
+
+    @property
+    def holds(self) -> bool:
+        """Whether distance and width are as wanted."""
+        if not self.found:
+            return False
+        good_width = abs(self.width_m - WIDTH_M) <= WIDTH_SHARE * WIDTH_M
+        return self.off_m <= self.wanted_m and good_width
+
+    def line(self) -> str:
+        """As printed."""
+        if not self.found:
+            return f"{self.distance_m:5.1f}   not found   NOT HELD"
+        inside = np.mean(
+            [abs(one.distance_m - self.distance_m) < one.sigma_distance_m for one in self.found]
+        )
+        patches = sum(one.measured_by == "patch" for one in self.found)
+        width_off = 100 * abs(self.width_m - WIDTH_M)
+        judged = "" if self.holds else "NOT HELD"
+        theirs = "-" if self.theirs_width_m is None else f"{100 * self.theirs_width_m:.1f}"
+        return (
+            f"{self.distance_m:5.1f}   {patches:3d}/{len(self.found):<3d} {self.off_m:7.3f} "
+            f"{self.theirs_m:7.3f} {self.wanted_m:7.3f}   {width_off:6.2f} {theirs:>6} "
+            f"{100 * WIDTH_SHARE * WIDTH_M:6.2f}   {inside:5.0%}   {judged}"
+        )
+
+
+HEADER = """\
+               error of distance, m      of width, cm          within
+true m patches    ours  thesis  wanted     ours thesis wanted   sigma"""
+
+
+def tables(runs: Sequence[dict[float, Obstacle]]) -> list[list[Row]]:
+    """The rows of both tables of the thesis."""
+    return [
+        [
+            Row(d, tuple(run[d] for run in runs if d in run), theirs_m, theirs_width_m)
+            for d, (theirs_m, theirs_width_m) in table.items()
+        ]
+        for table in (NEAR, FAR)
+    ]
+
+
 def main() -> None:
-    """Print medians over seeds."""
+    """Print medians over seeds; exit with 1 where they are not as wanted."""
     seeds = int(sys.argv[1]) if len(sys.argv) > 1 else SEEDS
     found_by = sys.argv[2] if len(sys.argv) > 2 else "box"
-    runs = [measured_targets(seed, found_by) for seed in range(seeds)]
-    print("true m  patches  error m    %   width cm   within sigma   thesis: error m, width off cm")
-    for table in (NEAR, FAR):
-        for distance_m, (theirs_m, width_off) in table.items():
-            known = [run[distance_m] for run in runs if distance_m in run]
-            if not known:
-                print(f"{distance_m:5.1f}   not found")
-                continue
-            off = float(np.median([abs(one.distance_m - distance_m) for one in known]))
-            width = float(np.median([across_m(one.box) for one in known]))
-            inside = np.mean(
-                [abs(one.distance_m - distance_m) < one.sigma_distance_m for one in known]
-            )
-            theirs = "" if width_off is None else f" {100 * width_off:4.1f}"
-            patches = sum(one.measured_by == "patch" for one in known)
-            share = 100 * off / distance_m
-            print(
-                f"{distance_m:5.1f}   {patches:3d}/{len(known):<3d} {off:7.3f} {share:6.2f}"
-                f"   {100 * width:6.2f}     {inside:4.0%}        {theirs_m:5.3f}{theirs}"
-            )
-        print()
+    made = tables([measured_targets(seed, found_by) for seed in range(seeds)])
+    for rows in made:
+        print("\n".join([HEADER, *(row.line() for row in rows), ""]))
+    sys.exit(0 if all(row.holds for rows in made for row in rows) else 1)
 
 
 if __name__ == "__main__":
