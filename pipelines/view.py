@@ -10,6 +10,7 @@ import sys
 import webbrowser
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,6 +28,7 @@ from pseudolidar.formats.trajectory_file import PoseRecord
 from pseudolidar.obstacles.corridor import Corridor
 from pseudolidar.obstacles.detectors import AnyDetector
 from pseudolidar.running.crew.crew_plan import CrewPlan
+from pseudolidar.running.drawn_frames import detector_for
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY
 from pseudolidar.running.matching import MatchFrame, Refining
 from pseudolidar.running.memory import give_back_freed_memory, leave_loaded_out_of_searches
@@ -265,7 +267,7 @@ def exported(job: View, opened: Opened, path: Path) -> None:
     Raises:
         PseudolidarError: the detector cannot be loaded, whose fault only a page would tell.
     """
-    asked = Asked(job.detector, job.corridor)
+    asked = asked_of(job, opened)
     wish = asked.wish(of_run=bool(opened.objects))
     reel = opened.reels[0] if opened.reels else None
     sighted = reel.sighted if isinstance(reel, SourceReel) else None
@@ -301,10 +303,18 @@ def measuring(job: Convert, frames: FrameSequence[Frame]) -> Callable[[Frame], S
 
 def means_of(job: View, opened: Opened) -> Means:
     """What can be done with the frames of the first sequence."""
-    reel, asked = opened.reels[0] if opened.reels else None, Asked(job.detector, job.corridor)
+    reel, asked = opened.reels[0] if opened.reels else None, asked_of(job, opened)
     if not isinstance(reel, SourceReel):
         return Means(asked=asked)
     return Means(reel.sighted, asked, workshop(job, reel), rig_shop(job, reel))
+
+
+def asked_of(job: View, opened: Opened) -> Asked:
+    """What is looked for from the start, in the frames of the first sequence."""
+    reel = opened.reels[0] if opened.reels else None
+    if not isinstance(reel, SourceReel):
+        return Asked(job.detector, job.corridor)
+    return Asked(job.detector, job.corridor, partial(detector_for, source=reel.source))
 
 
 def rig_shop(job: View, reel: SourceReel) -> RigShop | None:

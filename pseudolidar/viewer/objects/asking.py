@@ -10,6 +10,7 @@ from pseudolidar.errors import UsageError
 from pseudolidar.obstacles.cloud import Cloud
 from pseudolidar.obstacles.colour import Colour
 from pseudolidar.obstacles.corridor import Corridor
+from pseudolidar.obstacles.detector import Detector
 from pseudolidar.obstacles.detectors import AnyDetector
 from pseudolidar.obstacles.hues import Hues
 from pseudolidar.obstacles.labels import Labels
@@ -76,6 +77,10 @@ _BY_WORDS: Mapping[str, Callable[[str], AnyDetector]] = {
 }
 
 
+def _as_it_is(detector: Detector) -> Detector:
+    return detector
+
+
 @dataclass(frozen=True)
 class Asked:
     """What is wanted from the start.
@@ -83,10 +88,12 @@ class Asked:
     Args:
         detector: the one of the command line, which may name files.
         corridor: the one of the command line.
+        placed: a loaded detector as it suits the frames that are shown: boxes by their ids.
     """
 
     detector: AnyDetector | None = None
     corridor: Corridor | None = None
+    placed: Callable[[Detector], Detector] = _as_it_is
 
     def kind(self, *, of_run: bool) -> str:
         """The detector that is chosen at first."""
@@ -94,9 +101,13 @@ class Asked:
             return given_name(self.detector)
         return OF_RUN if of_run else NONE
 
+    def loaded(self, detector: AnyDetector) -> Detector:
+        """A detector with everything heavy loaded. Raises what its settings raise."""
+        return self.placed(detector.load())
+
     def wish(self, *, of_run: bool) -> Wish:
         """What is wanted of frames at first, with everything heavy loaded."""
-        detect = None if self.detector is None else self.detector.load()
+        detect = None if self.detector is None else self.loaded(self.detector)
         return Wish(self.kind(of_run=of_run) == OF_RUN, detect, self.corridor, Tracker())
 
 

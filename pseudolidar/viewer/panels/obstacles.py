@@ -197,7 +197,7 @@ class ObstaclesPanel:
         if settings is None:
             return None
         if self._loaded is None or self._loaded[0] != settings:
-            self._loaded = settings, settings.load()
+            self._loaded = settings, self._asked.loaded(settings)
         return self._loaded[1]
 
     def _seen_otherwise(self) -> None:

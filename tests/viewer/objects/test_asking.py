@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import get_args
 
@@ -16,8 +17,10 @@ from pseudolidar.obstacles.labels import Labels
 from pseudolidar.obstacles.regions import Boxes, Regions
 from pseudolidar.obstacles.template import Template
 from pseudolidar.obstacles.within import Band, Range
+from pseudolidar.running.drawn_frames import detector_for
 from pseudolidar.running.settings_schema import choice_name
-from pseudolidar.viewer.objects.asking import USUAL, detector_of, kinds
+from pseudolidar.sources.synthetic import Synthetic
+from pseudolidar.viewer.objects.asking import USUAL, Asked, detector_of, kinds
 
 GIVEN = Template(Path("bike.png"))
 
@@ -74,3 +77,15 @@ def test_the_words_of_the_start_are_understood(kind: str):
 def test_words_that_mean_nothing_are_refused(kind: str, text: str):
     with pytest.raises(UsageError):
         detector_of(kind, text, None)
+
+
+def test_drawn_boxes_find_the_frames_that_are_shown(tmp_path: Path, caplog):
+    """By their numbers, as --frames does, whether the command or the page asks for them."""
+    boxes = tmp_path / "boxes.csv"
+    boxes.write_text("frame,left,top,right,bottom\n1,1,2,3,4\n77,1,2,3,4\n")
+    given = Regions(Boxes(boxes))
+    source = Synthetic("street", frames=2, width_px=128).open()
+    asked = Asked(given, placed=partial(detector_for, source=source))
+    for detect in (asked.wish(of_run=False).detect, asked.loaded(given)):
+        assert [len(detect.boxes_of(name)) for name in source.ids] == [0, 1]
+    assert "does not have: 77" in caplog.text
