@@ -90,7 +90,10 @@ def with_cookie(sent: Response, admitted: Admitted) -> Response:
 
 
 def closed_in(sent: Response, *, framed: str) -> Response:
-    """The same with headers that keep a page to itself.
+    """The same with headers that keep a page to itself, and say that no other one follows.
+
+    websockets ends a connection behind its answer; a client that is not told asks once more on it,
+    now and then before it sees the end.
 
     Args:
         sent: of any page.
@@ -103,4 +106,5 @@ def closed_in(sent: Response, *, framed: str) -> Response:
     sent.headers["Cross-Origin-Opener-Policy"] = "same-origin"
     sent.headers["Cross-Origin-Resource-Policy"] = "same-origin"
     sent.headers["Cache-Control"] = "no-store"
+    sent.headers["Connection"] = "close"
     return sent

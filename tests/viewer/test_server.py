@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import http.client
 import logging
 import socket
 import time
@@ -45,6 +46,18 @@ def test_every_answer_keeps_the_page_to_itself(server: GuardedServer):
         assert answer.getheader("X-Content-Type-Options") == "nosniff"
         assert answer.getheader("Referrer-Policy") == "no-referrer"
         assert answer.getheader("Server") is None
+
+
+def test_a_client_that_asks_again_does_so_on_a_connection_that_is_there(server: GuardedServer):
+    server.pages["/own"] = lambda query: Answer(b"{}")
+    client = http.client.HTTPConnection("127.0.0.1", port_of(server), timeout=10)
+    asked = [("/own", cookie(server), 200), ("/", cookie(server), 200), ("/own", {}, 403)] * 2
+    for target, headers, status in asked:
+        client.request("GET", target, headers=headers)
+        answer = client.getresponse()
+        answer.read()
+        assert answer.status == status
+    client.close()
 
 
 @pytest.mark.parametrize(
