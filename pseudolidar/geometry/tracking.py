@@ -135,7 +135,7 @@ def track(
         second: of the same size.
         rig: rectified.
         T_to_from: (4, 4) a guess of the motion, such as that of the pairs before.
-        seeds: corners of the first pair, where they are known already.
+        seeds: the corners of the first pair to follow; None to look for them.
     """
     seeds = Seeds.of(first, rig, CORNERS_FIRST) if seeds is None else seeds
     uv, d = seeds.uv, seeds.d
@@ -223,7 +223,7 @@ def relative_pose(
         second: of the same size.
         rig: rectified.
         guess: (4, 4) `T_to_from`, such as the motion before; the identity where nothing is known.
-        seeds: corners of the first pair, where they are known already.
+        seeds: the corners of the first pair to follow; None to look for them.
 
     Returns:
         None where too few points agree on a motion.

@@ -154,8 +154,8 @@ class FusedChain:
         surfaces = self._map.surfaces()
         within_m = WITHIN_THRESHOLDS * float(self._threshold.get_threshold())
         check = self._checked(step, seen, anchor, surfaces, within_m)
-        offset_px = self._visual.offset.sigma_px if seen.scan else 0.0
-        prior = prior_by(step, check, anchor, offset_px=offset_px)
+        offset_sigma_px = self._visual.offset.sigma_px if seen.scan else 0.0
+        prior = prior_by(step, check, anchor, offset_sigma_px=offset_sigma_px)
         by_scan = self._scans.align(seen.scan, prior) if seen.scan else None
         overruled = self._overruled(state, check, seen, anchor, by_scan)
         if overruled is not None:

@@ -85,7 +85,16 @@ def checked(
 def step_check(
     asked: Witness, wrong: bool, step: Float64, other: Float64, vision: float, by_other: float
 ) -> StepCheck:
-    """What a witness says of a step (4, 4) and of another one, by its agreement with both."""
+    """What a witness says of vision's step and of another one.
+
+    Args:
+        asked: the witness.
+        wrong: whether the other step is to be taken.
+        step: (4, 4) `T_from_to` by vision.
+        other: (4, 4) `T_from_to` as the witness would have it.
+        vision: how well the witness agrees with vision's step, 0-1.
+        by_other: how well it agrees with the other one, 0-1.
+    """
     between = log_twist(inverted(step) @ other)
     return StepCheck(
         asked,

@@ -15,7 +15,7 @@ from pseudolidar.geometry.tracking import (
 )
 from pseudolidar.geometry.warping import Warp
 from pseudolidar.mapping.keyframe import Keyframe, Sight
-from pseudolidar.mapping.second_motion import Expected, camera_motion, left_over
+from pseudolidar.mapping.second_motion import Expected, agreeing, camera_motion, left_over
 from pseudolidar.mapping.steps_apart import apart
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.camera import StereoRig
@@ -25,7 +25,7 @@ from pseudolidar.structures.point_tracks import PointTracks
 # Every so many corners are enough for a first pose; pictures warped by a guess are compared on
 # these halvings, for guesses off by some pixels.
 ROUGH_EVERY, ROUGH_LEVELS = 3, 2
-# Another motion is one with so many points; so many are looked for besides the first.
+# Another motion counts if so many points agree with it; so many are looked for after the first.
 LEAST_SECOND, MORE_MOTIONS = 30, 2
 # Median of chi-square with the three degrees of freedom of (u, v, d).
 MEDIAN_CHI2_3 = 2.366
@@ -43,22 +43,22 @@ def registered(
     *,
     expected: Expected | None = None,
 ) -> RelativePose | None:
-    """The motion from a keyframe to a frame.
+    """The camera's motion from a keyframe to a frame.
 
-    Most corners may be on something that moves by itself. So where the motion that most agree on is
-    not as expected, or nothing was, the others are asked for motions of their own, and the camera's
-    is told from them (`camera_motion`).
+    Most corners may be on something that moves by itself. So where the motion that most of them
+    agree on is not the expected one, or none was expected, other motions are looked for among the
+    corners that are left, and `camera_motion` tells which one is the camera's.
 
     Args:
         key: the earlier frame.
         sight: the later one.
         rig: rectified; its own correction is not used.
-        guess: (4, 4) `T_to_from` that points are looked for near to; None to look from nothing.
+        guess: (4, 4) `T_to_from` near which points are looked for; None to look without a guess.
         correction: systematic error of the disparities.
         expected: the motion if the camera goes on as before; None where that is unknown.
 
     Returns:
-        With tracks as measured; None where too few points agree on a motion.
+        The motion with its tracks as measured; None where too few points agree on one.
     """
     first = _motion(key, key.seeds, sight, rig, guess, correction)
     if first is None or (expected is not None and expected.comes_true(first)):
@@ -78,7 +78,7 @@ def registered(
 
 
 def _another(motion: RelativePose | None, known: list[RelativePose]) -> list[RelativePose]:
-    """A motion, if enough points agree on it and it is none of those known."""
+    """The motion alone, if enough points agree with it and it differs from all known; else none."""
     if motion is None or inliers(motion) < LEAST_SECOND:
         return []
     return [motion] if all(apart(motion.T_to_from, one.T_to_from) for one in known) else []
@@ -92,7 +92,7 @@ def _motion(
     guess: Float64 | None,
     correction: DisparityCorrection | None,
 ) -> RelativePose | None:
-    """The motion that most of some corners agree on, made precise by all of the keyframe."""
+    """The motion that most of the `seeds` agree on, made precise by all corners of the keyframe."""
     rough = None if guess is None else _rough(key, seeds, sight, rig, guess, correction)
     if rough is None:
         found = relative_pose(key.sight.pair, sight.pair, rig, np.eye(4), seeds=seeds)
@@ -118,8 +118,8 @@ def precisely(
 
 
 def inliers(motion: RelativePose) -> int:
-    """Points that agree with a motion: weight of a half or more."""
-    return int((motion.weights >= 0.5).sum())
+    """How many points agree with a motion."""
+    return int(agreeing(motion).sum())
 
 
 def covariance(motion: RelativePose) -> Float64:

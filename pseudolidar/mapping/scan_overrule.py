@@ -1,7 +1,7 @@
 """Whether a scan says that the sensors are not where vision's step leads to.
 
-Most of a picture may be on something that moves by itself, and vision goes with that: a LiDAR sees
-all around, and the street lies on its map by another step.
+Most of a picture may show something that moves by itself, and vision then moves along with that. A
+LiDAR sees all around: by the true step its scan lies on the map, by vision's it does not.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from pseudolidar.mapping.scan_witness import ScanPlanes, ScanWitness
 from pseudolidar.mapping.steps_apart import apart
 from pseudolidar.structures.arrays import Float64
 
-# The scan must lie better by so much of its score than by vision's step to overrule it: steps that
-# are 0.3 m too long or short cost 0.05 on drive 0002 and 0.1 on rendered worlds (2026-11).
+# To overrule vision's step a scan must lie better elsewhere by so much of its score (0-1): a step
+# that is 0.3 m too long or short costs 0.05 on drive 0002 and 0.1 on rendered worlds (2026-11).
 SCAN_FOR = 0.03
 
 
@@ -26,17 +26,22 @@ def lying_elsewhere(
     T_from: Float64,
     T_guess: Float64 | None,
 ) -> Alignment | None:
-    """Where a scan lies far better than by vision's step; None where it speaks for that.
+    """A pose elsewhere, by which the scan lies far better on the map than by vision's step.
 
-    It is asked where the step is not as before, or nothing was before.
+    It is looked for only where that step does not go on as before, or no motion is known yet.
 
     Args:
-        scans: the map of those before.
-        scan: of the frame.
-        T_from_to: (4, 4) vision's step.
-        by_vision: how the scan lies near where that leads to; None where it does not.
-        T_from: (4, 4) where the step begins, in `odom`.
-        T_guess: (4, 4) where the sensors would go on to; None where no motion was seen before.
+        scans: the map of the scans before.
+        scan: of the frame, in the left camera's frame.
+        T_from_to: (4, 4) vision's step: maps points of the later left camera to the earlier one.
+        by_vision: where the scan lies near the end of that step; None where it does not lie on the
+            map there.
+        T_from: (4, 4) `T_odom_camera` where the step begins.
+        T_guess: (4, 4) `T_odom_camera` if the sensors go on as before; None where no motion is
+            known yet.
+
+    Returns:
+        None where vision's step stands.
     """
     if T_guess is None:
         T_guess = scans.ahead(scan, T_from)

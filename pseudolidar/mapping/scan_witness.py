@@ -102,7 +102,10 @@ class ScanWitness:
         return found if unsure_m(held) <= MOST_UNSURE_M else None
 
     def ahead(self, scan: ScanPlanes, T_odom_camera: Float64) -> Float64:
-        """(4, 4) where ahead of a place the scan lies best, roughly: no motion is known yet."""
+        """(4, 4) where a scan lies best, roughly, on the line ahead of a place (4, 4).
+
+        For the first step of a path, before any motion is known; turns are not tried.
+        """
         surfaces, some = self._map.surfaces(), scan.planes[::SEARCH_EVERY]
         within_m = WITHIN_THRESHOLDS * self._threshold.get_threshold()
         places = [T_odom_camera @ exp_twist(np.array([0, 0, z, 0, 0, 0])) for z in SEARCHED_M]

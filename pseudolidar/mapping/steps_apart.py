@@ -12,7 +12,7 @@ NEAR_SHARE, NEAR_M, NEAR_RAD = 0.08, 0.005, 0.012
 
 
 def apart(one: Float64, other: Float64) -> bool:
-    """Whether two steps differ by more than predictions usually do."""
+    """Whether two steps (4, 4) from the same frame differ by more than predictions usually do."""
     difference = log_twist(inverted(one) @ other)
     way_m = max(float(np.linalg.norm(T[:3, 3])) for T in (one, other))
     far = np.linalg.norm(difference[:3]) > max(NEAR_M, NEAR_SHARE * way_m)

@@ -15,19 +15,22 @@ from pseudolidar.structures.odometry import CameraStep
 REPLACED_M, REPLACED_RAD = 0.02, 0.002
 
 
-def prior_by(step: CameraStep, check: StepCheck, anchor: Anchor, *, offset_px: float) -> Prior:
+def prior_by(
+    step: CameraStep, check: StepCheck, anchor: Anchor, *, offset_sigma_px: float
+) -> Prior:
     """The pose that a step leads to, and how well that is known.
 
     Args:
         step: vision's.
-        check: what witnesses say of it.
+        check: what witnesses say of it; its step is taken, which is another one if `wrong`.
         anchor: where it begins.
-        offset_px: the offset's doubt where that is one: scans do not share it, patches do (0).
+        offset_sigma_px: doubt of the rig's disparity offset, px. It counts where the pose is held
+            against a scan; 0 where it is held against stereo patches, which have the same error.
     """
     T_prior = anchor.place.T_odom_camera @ check.T_from_to
     if check.wrong:
         return Prior.within(T_prior, metres=REPLACED_M, rad=REPLACED_RAD)
-    by_offset = step.by_offset * offset_px
+    by_offset = step.by_offset * offset_sigma_px
     covariance = step.covariance + np.outer(by_offset, by_offset)
     return Prior(T_prior, np.asarray(np.linalg.inv(covariance)))
 
@@ -35,14 +38,17 @@ def prior_by(step: CameraStep, check: StepCheck, anchor: Anchor, *, offset_px: f
 def agreed_step(
     anchor: Anchor, step: CameraStep, prior: Prior, found: Alignment, *, follows: float
 ) -> FusedStep:
-    """The step that was found, and how far it follows vision's when that is put right.
+    """The step to the pose that was found, and how far it follows when vision's is put right.
+
+    Vision learns more of the rig later and changes its steps; this one then changes with them, by
+    the share that it rests on vision.
 
     Args:
         anchor: where it begins.
         step: vision's.
-        prior: the pose by that.
-        found: the pose that a map and the prior agree on.
-        follows: 1, or 0 where a later change of vision's step is none of this one.
+        prior: the pose that this one leads to.
+        found: the pose that the map and the prior agree on.
+        follows: 1, or 0 where later changes of vision's step are not to move this one.
     """
     total = np.asarray(np.linalg.inv(found.information))
     gain = total @ prior.information
