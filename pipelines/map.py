@@ -246,6 +246,7 @@ def run(job: Map) -> MapReport | FinishedReport | Rehearsal:
     ):
         finished = Finished(run, [*products, *job.frame_clouds.kinds, to_json(job.map)])
         if (told := told_before(job, run, finished)) is not None:
+            forget_work(job, run)  # of an earlier run that was killed at its end, or kept it
             return told
         places = closing.enter_context(places_of(job))
         known = run.committed
@@ -299,12 +300,9 @@ def rehearsed(job: Map, source: FrameSource, match_once: MatchOnce) -> Rehearsal
 
 
 def told_before(job: Map, run: Run, finished: Finished) -> FinishedReport | None:
-    """What an earlier run told, where nothing is left to do, nor to be looked at meanwhile."""
+    """What an earlier run told; None where something is left to do, or to be looked at."""
     work_is_missing = len(run.committed) < len(run.source.ids)
-    report = None if job.view or (job.keep_work and work_is_missing) else finished.report()
-    if report is not None:
-        forget_work(job, run)
-    return report
+    return None if job.view or (job.keep_work and work_is_missing) else finished.report()
 
 
 def places_of(job: Map) -> AbstractContextManager[PlaceFile | None]:

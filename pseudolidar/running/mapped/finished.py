@@ -1,4 +1,7 @@
-"""What a run that is done told, kept: the same command given again says so, and does nothing."""
+"""What a run told when it was done: the same command given again tells it once more.
+
+So nothing is walked or written a second time where nothing has changed.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from pseudolidar.errors import PseudolidarError, printable
 from pseudolidar.formats.atomic import write_atomic
 from pseudolidar.running.journal.record import FileRecord, crc32_of
 from pseudolidar.running.reports.map_report import MapReport
@@ -16,19 +20,30 @@ from pseudolidar.running.run import Run
 
 # Hidden: nobody needs to open it.
 FINISHED_FILE = ".finished.json"
+# What reading raises where the file is absent, torn, or not what a run has kept there; errors of
+# ours are those of names that lead out of the folder.
+UNREADABLE = (
+    OSError,
+    ValueError,
+    KeyError,
+    TypeError,
+    OverflowError,
+    RecursionError,
+    PseudolidarError,
+)
 
 
 @dataclass(frozen=True)
 class FinishedReport:
-    """What an earlier run told.
+    """What an earlier run told, told again.
 
     Args:
-        done: that there was nothing to do.
-        lines: what was told then, for people.
-        facts: and for programs, without places.
-        out: output folder.
+        done: the line that says that there was nothing to do.
+        lines: what the earlier run told people below its first line.
+        facts: what it told programs, as its `MapReport.as_dict`.
+        out: output folder, where it is now.
         files: what there is to open.
-        exit_code: as then.
+        exit_code: of the earlier run.
     """
 
     done: str
@@ -39,21 +54,22 @@ class FinishedReport:
     exit_code: int
 
     def as_dict(self) -> dict[str, Any]:
-        """As the earlier run told it, but that no frame passed now."""
+        """What the earlier run told, with places as they are now and no frame that passed now."""
         places = {"out": str(self.out), "files": [str(path) for path in self.files]}
         return {**self.facts, **places, "passed_now": 0}
 
     def text(self) -> str:
-        """The same for people, and what to open."""
+        """The same for people: that nothing was done, the figures, and what to open."""
         return "\n".join([self.done, *self.lines, *(f"  {path}" for path in self.files)])
 
 
 class Finished:
-    """Keeps what a run told when it was done, and gives it to one that would do the same.
+    """Keeps what a run told when it was done, for a later run that would do just the same.
 
     Args:
-        run: in progress.
-        asked: everything that is to be made of its frames, and how: plain JSON values.
+        run: in progress; owns the output folder.
+        asked: what is to be made of its frames, and how, as plain JSON values: all that is not in
+            `run.decided_by`, which decides about single frames.
     """
 
     def __init__(self, run: Run, asked: Sequence[Any]) -> None:
@@ -63,10 +79,11 @@ class Finished:
         self._same = hashlib.sha256(json.dumps(same, sort_keys=True).encode()).hexdigest()
 
     def report(self) -> FinishedReport | None:
-        """What was told; None where something is left to do.
+        """What the earlier run told; None where something is left to do.
 
-        That is: a frame that nobody has looked at or that was skipped, and may be mended; a file
-        that is not as it was written; other settings, other things asked for.
+        Something is left where a frame was not looked at yet, or was skipped and may be mended by
+        now; where a file is not as it was written; where settings differ, or other things are
+        asked for.
         """
         result = self._run.result()
         if len(result.committed) != result.total:
@@ -79,17 +96,20 @@ class Finished:
                 return None
             return FinishedReport(
                 result.text().partition("\n")[0],
-                tuple(map(str, kept["lines"])),
+                tuple(printable(str(line)) for line in kept["lines"]),
                 dict(kept["facts"]),
                 self._run.folder,
                 tuple(self._run.folder / str(name) for name in kept["files"]),
                 int(kept["exit_code"]),
             )
-        except (OSError, ValueError, KeyError, TypeError):
-            return None  # made again, as if it were not there
+        except UNREADABLE:
+            return None  # everything is made again, as if the file were not there
 
     def keep(self, report: MapReport) -> None:
-        """Of a run that is done, with its files as they are now.
+        """Keep the report of a run that is done, with checksums of its files as they are now.
+
+        Args:
+            report: with files in the output folder; those that are not there are left out.
 
         Raises:
             OutputError: the disk is full or gone.
@@ -109,7 +129,7 @@ class Finished:
 
 
 def _records(folder: Path, files: Iterable[Path]) -> Iterator[FileRecord]:
-    """Of files, and of all that is in folders."""
+    """One for each of the files, and for each file in those that are folders."""
     for path in files:
         inner = sorted(path.rglob("*")) if path.is_dir() else [path]
         for file in filter(Path.is_file, inner):
