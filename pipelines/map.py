@@ -44,6 +44,7 @@ from pseudolidar.running.mapped.map_recording import plan_recording, write_recor
 from pseudolidar.running.mapped.mesh_outputs import MeshOutputs, mesh_figures
 from pseudolidar.running.mapped.occupancy_outputs import OCCUPANCY_FILES, write_occupancy
 from pseudolidar.running.mapped.odometry_film import ODOMETRY_FILM, OdometryFilm
+from pseudolidar.running.mapped.rehearsed import MapRehearsal, rehearse_map
 from pseudolidar.running.mapped.stored import PLACES_FILE, WORK_FOLDER, MatchOnce
 from pseudolidar.running.mapped.trajectory_files import KITTI_NAME, TUM_NAME, write_trajectories
 from pseudolidar.running.mapped.walk import Walk
@@ -53,7 +54,7 @@ from pseudolidar.running.nearness import Searching
 from pseudolidar.running.networks import networks_of
 from pseudolidar.running.preflight import preflight
 from pseudolidar.running.products.recording import RecordingPlan
-from pseudolidar.running.rehearsal import Rehearsal, rehearse
+from pseudolidar.running.reports.conversion_page import REPORT_NAME
 from pseudolidar.running.reports.map_page import write_map_page
 from pseudolidar.running.reports.map_report import MapReport, errors_of
 from pseudolidar.running.run import Run
@@ -154,7 +155,8 @@ class Map:
             terminal it stays open after the end, until Ctrl-C.
         port: of that page; 0 or `auto` for any that is free.
         host: of that page; others than 127.0.0.1 let other machines in, with the printed token.
-        dry_run: tell frames, the bytes and the time of matching, and free disk; write nothing.
+        dry_run: map a few frames from the midst in a temporary folder, and tell what all would
+            take: time of matching, odometry and map, bytes, free disk; nothing is left.
     """
 
     source: Annotated[Source, Recognised(recognise)]
@@ -229,7 +231,7 @@ class Map:
         return (WORK_FOLDER, TILE_FOLDER, *frames)
 
 
-def run(job: Map) -> MapReport | FinishedReport | Rehearsal:
+def run(job: Map) -> MapReport | FinishedReport | MapRehearsal:
     """Match every frame, chain them in order; then the map, along the path as known at the end."""
     source = opened(job)
     check_usable(job.out)
@@ -293,10 +295,20 @@ def run(job: Map) -> MapReport | FinishedReport | Rehearsal:
     return report
 
 
-def rehearsed(job: Map, source: FrameSource, match_once: MatchOnce) -> Rehearsal:
+def rehearsed(job: Map, source: FrameSource, match_once: MatchOnce) -> MapRehearsal:
     """What a run would take."""
     preflight(source, wanted=job.check, crew=job.crew, searching=job.searching)
-    return rehearse(source, match_once.product, folder=job.out, crew=job.crew).checked()
+    recording = plan_recording(job, source, wanted=job.to.recording)
+    walk = begun(job, source, None)
+
+    def make(folder: Path, pieces: Sequence[Piece]) -> Made:
+        rig = source.rig.with_correction(walk.correction or source.rig.correction)
+        return mapped(replace(job, out=folder), source, pieces, rig, recording)
+
+    besides = ("closing loops", REPORT_NAME, *((ODOMETRY_FILM,) if job.debug_video else ()))
+    return rehearse_map(
+        source, match_once, walk, make, folder=job.out, crew=job.crew, besides=besides
+    ).checked()
 
 
 def told_before(job: Map, run: Run, finished: Finished) -> FinishedReport | None:

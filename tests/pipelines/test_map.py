@@ -136,11 +136,20 @@ def test_the_film_shows_every_frame(mapped: Path):
     assert min(blue[1:]) > 100
 
 
-def test_a_dry_run_tells_and_writes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    assert run_map(tmp_path / "out", "--dry-run", "--json") == 0
+def test_a_dry_run_tells_and_writes_nothing(
+    mapped: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    asked = ("--to", "ply", "--frame-clouds", "npz", "--map.points.sigma", "0.3")
+    assert run_map(tmp_path / "out", *asked, "--debug-video", "--dry-run", "--json") == 0
     told = json.loads(capsys.readouterr().out)
     assert told["frames"] == 5
-    assert told["bytes"] > 0
+    # All frames were tried: of what is estimated every byte is known.
+    made = [mapped / "map.ply", *mapped.glob("tiles/*"), *mapped.glob("frames/*")]
+    assert told["map_bytes"] == sum(file.stat().st_size for file in made)
+    kept = [*mapped.glob(".work/*.disparity"), mapped / ".work" / "free_space"]
+    assert told["work_bytes"] == pytest.approx(sum(file.stat().st_size for file in kept), abs=5)
+    assert told["bytes"] == told["work_bytes"] + told["map_bytes"]
+    assert {"report.html", "odometry.mp4"} < set(told["not_estimated"])
     assert not (tmp_path / "out").exists()
 
 
