@@ -17,20 +17,11 @@ from dataclasses import replace
 from pseudolidar.mapping.odometry import Fused, Odometry, Vision
 from pseudolidar.mapping.registered import Registered
 from pseudolidar.structures.frame import StereoFrame
-from tests.mapping.moving_board import KINDS, Board
+from tests.mapping.moving_board import KINDS, with_board
 from tests.mapping.worlds import Drive
 
 FRAMES, WIDTH_PX = 12, 620
 BEGINS = 0, 5
-
-
-def with_board(drive: Drive, kind: str, share: float, begin: int) -> list[StereoFrame]:
-    """The frames, with a board from one of them on."""
-    board = Board.before(drive.frames[0], kind, share, seed=begin)
-    return [
-        board.on(frame, at - begin) if at >= begin else frame
-        for at, frame in enumerate(drive.frames)
-    ]
 
 
 def followed(odometry: Odometry, frames: list[StereoFrame]) -> list[Registered]:
@@ -75,7 +66,7 @@ def main(arguments: list[str]) -> None:
             for share in map(float, asked.shares.split(",")):
                 for kind in KINDS:
                     for begin in BEGINS:
-                        frames = with_board(drive, kind, share, begin)
+                        frames = with_board(drive.frames, kind, share, begin=begin, seed=begin)
                         what = f"{kind} {share:.0%} from {begin}"
                         say(title, what, verdicts(drive, frames))
 

@@ -102,3 +102,13 @@ class Board:
         met &= (hit[:, 1] > box[2]) & (hit[:, 1] < box[3])
         own = (np.where(met[:, None], hit, xyz) - T[:3, 3]) @ T[:3, :3]
         return replace(frame.scan, xyz=own.astype(np.float32))
+
+
+def with_board(
+    frames: list[StereoFrame], kind: str, share: float, *, begin: int, seed: int = 0
+) -> list[StereoFrame]:
+    """Frames with a board from number `begin` on; see `Board`."""
+    board = Board.before(frames[0], kind, share, seed=seed)
+    return [
+        board.on(frame, at - begin) if at >= begin else frame for at, frame in enumerate(frames)
+    ]

@@ -5,8 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pseudolidar.geometry.twists import exp_twist, inverted
+from pseudolidar.mapping.alignment import Prior
 from pseudolidar.mapping.odometry import Fused, Vision
-from tests.mapping.moving_board import Board
+from pseudolidar.mapping.scan_overrule import lying_elsewhere
+from pseudolidar.mapping.scan_witness import ScanPlanes, ScanWitness
+from tests.mapping.moving_board import Board, with_board
 from tests.mapping.worlds import Drive
 
 FRAMES = 7
@@ -17,14 +21,6 @@ def street():
     return Drive.through("street", FRAMES, width_px=480)
 
 
-def with_board(drive, *, begin, kind="still", share=0.45):
-    board = Board.before(drive.frames[0], kind, share)
-    return [
-        board.on(frame, at - begin) if at >= begin else frame
-        for at, frame in enumerate(drive.frames)
-    ]
-
-
 def followed(odometry, frames):
     chain = odometry.start(frames[0].rig)
     return [chain.register(frame, frame.truth) for frame in frames], chain.trajectories()
@@ -32,19 +28,65 @@ def followed(odometry, frames):
 
 @pytest.mark.parametrize("begin", [0, 3])
 def test_scans_overrule_vision_that_goes_with_a_bus(street, begin):
-    told, (path,) = followed(Fused(), with_board(street, begin=begin))
+    told, (path,) = followed(Fused(), with_board(street.frames, "still", 0.6, begin=begin))
     assert street.error_rel(told[-1].state) < 0.005
     assert np.abs(path.T_world_body[:, :3, 3] - street.T_odom[:, :3, 3]).max() < 0.03
-    for one in told:
-        if one.check and one.check.asked == "scans":
-            assert one.check.wrong
-            assert one.sensors == "scan"
-            assert one.check.other_agrees > one.check.vision_agrees
+    overruled = [one for one in told if one.check and one.check.asked == "scans"]
+    assert len(overruled) >= 2
+    for one in overruled:
+        assert one.check.wrong
+        assert one.sensors == "scan"
+        assert one.check.other_agrees > one.check.vision_agrees
 
 
-@pytest.mark.parametrize(("kind", "begin", "share"), [("still", 0, 0.45), ("near", 3, 0.45)])
-def test_vision_goes_on_through_the_street_beside_a_bus(street, kind, begin, share):
-    frames = with_board(street, begin=begin, kind=kind, share=share)
+@pytest.fixture(scope="module")
+def planes(street):
+    return [ScanPlanes.of(frame.scan, street.rig.T_left_velodyne) for frame in street.frames]
+
+
+def elsewhere(street, planes, number, step, *, known, T_guess, by_vision="near"):
+    """Where the scan of a frame lies by other steps than that from the one known before."""
+    scans = ScanWitness()
+    for at in known:
+        scans.remember(planes[at], street.T_odom[at])
+    T_from = street.T_odom[known[-1]]
+    if by_vision == "near":
+        by_vision = scans.align(planes[number], Prior.within(T_from @ step, metres=0.02, rad=0.002))
+    return lying_elsewhere(scans, planes[number], step, by_vision, T_from=T_from, T_guess=T_guess)
+
+
+def longer(step, metres):
+    return step @ exp_twist(np.array([0, 0, metres, 0, 0, 0]))
+
+
+@pytest.mark.parametrize(("known", "number"), [([0, 1], 2), ([0], 3)])
+@pytest.mark.parametrize("wrong_m", [-0.3, 0.6])
+def test_a_scan_overrules_a_wrong_step_and_no_right_one(street, planes, known, number, wrong_m):
+    T = street.T_odom
+    right = inverted(T[known[-1]]) @ T[number]
+    on = None if known == [0] else T[1] @ inverted(T[0]) @ T[1]
+    found = elsewhere(street, planes, number, longer(right, wrong_m), known=known, T_guess=on)
+    assert np.abs(found.T_odom_sensor - T[number]).max() < 0.01
+    for by_vision in ("near", None):
+        asked = {"known": known, "T_guess": on, "by_vision": by_vision}
+        assert elsewhere(street, planes, number, right, **asked) is None
+
+
+def test_a_scan_is_not_asked_where_the_step_goes_on_as_before_nor_for_little(street, planes):
+    T = street.T_odom
+    wrong = longer(inverted(T[1]) @ T[2], 0.3)
+    asked = {"known": [0, 1], "T_guess": T[1] @ inverted(T[0]) @ T[1]}
+    other = elsewhere(street, planes, 2, wrong, **asked)
+    assert elsewhere(street, planes, 2, wrong, known=[0, 1], T_guess=T[1] @ wrong) is None
+    for better, overruled in ((0.02, False), (0.04, True)):
+        by_vision = replace(other, score=other.score - better)
+        found = elsewhere(street, planes, 2, wrong, **asked, by_vision=by_vision)
+        assert (found is not None) is overruled
+
+
+@pytest.mark.parametrize(("kind", "begin"), [("still", 0), ("near", 3)])
+def test_vision_goes_on_through_the_street_beside_a_bus(street, kind, begin):
+    frames = with_board(street.frames, kind, 0.45, begin=begin)
     told, _ = followed(Vision(), frames)
     assert street.error_rel(told[-1].state) < 0.01
     assert told[-1].state.inliers < 150  # the street's; the board has 270
