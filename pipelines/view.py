@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 # The package path of pipelines/ is made at run time; mypy checks the file itself.
 from pseudolidar.pipelines.convert import Convert, ConvertFrame  # type: ignore[import-untyped]
@@ -22,7 +22,7 @@ from pseudolidar.pipelines.refine import opened as pairs_as_taken
 
 from pseudolidar.clouds.ground_fit import GroundFit
 from pseudolidar.clouds.outliers import Lonely
-from pseudolidar.errors import ALL_DONE, PseudolidarError, UsageError
+from pseudolidar.errors import PseudolidarError, UsageError
 from pseudolidar.formats.rigs.rig_reading import RigUnit
 from pseudolidar.formats.trajectory_file import PoseRecord
 from pseudolidar.obstacles.corridor import Corridor
@@ -61,7 +61,6 @@ from pseudolidar.viewer.comparing.rigs import Fit, RigShop, Seeing, some_frames
 from pseudolidar.viewer.effect import without_effect
 from pseudolidar.viewer.exporting import check_export, draw, export, is_drawn
 from pseudolidar.viewer.filming.outlined import FilmedObjects
-from pseudolidar.viewer.inventory import inventory
 from pseudolidar.viewer.means import Means
 from pseudolidar.viewer.objects.asking import Asked
 from pseudolidar.viewer.objects.teller import ScenesAtOnce
@@ -69,6 +68,7 @@ from pseudolidar.viewer.opening import RUN_FILE, Opened, Opening
 from pseudolidar.viewer.reel import SourceReel
 from pseudolidar.viewer.truth import true_places
 from pseudolidar.viewer.tuning.tuner import Workshop
+from pseudolidar.viewer.view_report import ViewReport
 
 _log = logging.getLogger(__name__)
 # Settings of a run that say which frames it saw, and how their disparities were found.
@@ -237,7 +237,7 @@ def run(job: View) -> ViewReport:
     if job.export is not None:
         check_export(job.export, job.paths)
     opened = Opening(job.reel_of, job.reel_of_run, truth_of_run).all_of(job.paths)
-    if unused := without_effect(job, opened.reels):
+    if unused := without_effect(job, opened):
         _log.warning("without effect on what was opened: %s", ", ".join(unused))
     if job.export is not None:
         try:
@@ -269,8 +269,8 @@ def exported(job: View, opened: Opened, path: Path) -> None:
     """
     asked = asked_of(job, opened)
     wish = asked.wish(of_run=bool(opened.objects))
-    reel = opened.reels[0] if opened.reels else None
-    sighted = reel.sighted if isinstance(reel, SourceReel) else None
+    reel = opened.first_source
+    sighted = None if reel is None else reel.sighted
     if is_drawn(path):
         draw(opened, path, FilmedObjects(ScenesAtOnce.of(wish, opened.objects, sighted)))
         return
@@ -303,16 +303,16 @@ def measuring(job: Convert, frames: FrameSequence[Frame]) -> Callable[[Frame], S
 
 def means_of(job: View, opened: Opened) -> Means:
     """What can be done with the frames of the first sequence."""
-    reel, asked = opened.reels[0] if opened.reels else None, asked_of(job, opened)
-    if not isinstance(reel, SourceReel):
+    reel, asked = opened.first_source, asked_of(job, opened)
+    if reel is None:
         return Means(asked=asked)
     return Means(reel.sighted, asked, workshop(job, reel), rig_shop(job, reel))
 
 
 def asked_of(job: View, opened: Opened) -> Asked:
     """What is looked for from the start, in the frames of the first sequence."""
-    reel = opened.reels[0] if opened.reels else None
-    if not isinstance(reel, SourceReel):
+    reel = opened.first_source
+    if reel is None:
         return Asked(job.detector, job.corridor)
     return Asked(job.detector, job.corridor, partial(detector_for, source=reel.source))
 
@@ -363,28 +363,3 @@ def workshop(job: View, reel: SourceReel) -> Workshop[View] | None:
         return convert
 
     return Workshop(job, load, lambda tuned: measuring(tuned.conversion(source), frames))
-
-
-@dataclass(frozen=True)
-class ViewReport:
-    """What was looked at, and what is left of it.
-
-    Args:
-        opened: what the paths were.
-        address: where it was served, without token; "" where it was not.
-        file: what was exported.
-    """
-
-    opened: Opened
-    address: str = ""
-    file: Path | None = None
-    exit_code = ALL_DONE
-
-    def as_dict(self) -> dict[str, Any]:
-        """What was opened, and where it is."""
-        file = None if self.file is None else str(self.file)
-        return {"file": file, "address": self.address or None, "opened": inventory(self.opened)}
-
-    def text(self) -> str:
-        """The file alone: the page has told the rest."""
-        return "" if self.file is None else f"  {self.file}"

@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 from pseudolidar.running.settings_schema import settings_fields
 from pseudolidar.structures.body import BodyFrame
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.structures.recorded import DepthFrame
+from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.reel import Reel, SourceReel
 
-# Settings of `view` by what takes them: frames of sources, those with depth, pairs, objects.
+# Settings of `view` by what takes them: frames of any source, those with depth, pairs, objects.
 OF_FRAMES = ("frames", "outliers")
 OF_DEPTHS = ("reproject", "rig", "rig_unit")
 OF_PAIRS = ("matcher", "rows", "balance", "temporal", "smooth", "fill")
-OF_EVERY_PAIR = ("clean",)  # also of those of a run, whose other settings stay
+OF_EVERY_PAIR = ("clean",)  # also of pairs that a run saw, whose other settings are the run's
 OF_OBJECTS = ("detector", "corridor")
 
 
-def without_effect(job: Any, reels: Sequence[Reel]) -> tuple[str, ...]:
-    """The flags that were given, and that no sequence takes: files and maps are as they are.
+def without_effect(job: Any, opened: Opened) -> tuple[str, ...]:
+    """The flags that were given although nothing of what was opened takes them.
+
+    Files of clouds, meshes and paths take none of them: they are shown as they are.
 
     Args:
-        job: the settings of `view`.
-        reels: what was opened; objects are of the first one.
+        job: the settings of `view`, of which those that are named here are looked at.
+        opened: what the paths were.
     """
-    taken = {name for reel in reels for name in _taken(reel)}
-    if reels and isinstance(first := reels[0], SourceReel) and first.sighted is not None:
+    taken = {name for reel in opened.reels for name in _taken(reel)}
+    first = opened.first_source
+    if first is not None and first.sighted is not None:
         taken |= {*OF_OBJECTS}
     known = {*OF_FRAMES, *OF_DEPTHS, *OF_PAIRS, *OF_EVERY_PAIR, *OF_OBJECTS}
     return tuple(
@@ -38,6 +42,7 @@ def without_effect(job: Any, reels: Sequence[Reel]) -> tuple[str, ...]:
 
 
 def _taken(reel: Reel) -> Iterator[str]:
+    """Names of the settings that a sequence takes; one without origin is of a run, as that was."""
     if not isinstance(reel, SourceReel):
         return
     pairs = reel.source.yields in (StereoFrame, BodyFrame)

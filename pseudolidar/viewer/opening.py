@@ -31,7 +31,7 @@ from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.obstacle import Obstacle
 from pseudolidar.viewer.large import MOST_WHOLE, StillClouds
 from pseudolidar.viewer.meshes import is_mesh_file, read_still_mesh
-from pseudolidar.viewer.reel import Reel
+from pseudolidar.viewer.reel import Reel, SourceReel
 from pseudolidar.viewer.stills import TRUTH_COLOUR, Still, StillOctree, StillPath
 
 if TYPE_CHECKING:
@@ -70,6 +70,12 @@ class Opened:
     def is_empty(self) -> bool:
         """Nothing at all."""
         return not self.reels and not self.stills
+
+    @property
+    def first_source(self) -> SourceReel | None:
+        """The first sequence, which objects are looked for in; None unless it is of a source."""
+        first = self.reels[0] if self.reels else None
+        return first if isinstance(first, SourceReel) else None
 
     def in_one_file(self) -> Opened:
         """What goes into a file that cannot ask for more: of large clouds the coarsest points."""
@@ -124,7 +130,7 @@ class Opening:
             self._open_source(recognise(path))
 
     def _open_source(self, source: Source) -> None:
-        """Its frames; of a recording that has nothing to be seen, where its robot went."""
+        """Lay down its frames; of a recording of poses alone, the paths that these make."""
         try:
             self._reels.append(self.reel_of(source))
         except SourceEmpty:
@@ -136,7 +142,7 @@ class Opening:
             self._lay_paths(Path(source.path), paths)
 
     def _lay_paths(self, recording: Path, paths: Sequence[RecordedPath]) -> None:
-        """Lay the longest path, and those in the same frame: of others nobody knows where it is."""
+        """Lay down the longest path, and others of its frame; nobody knows where the rest lies."""
         frame = paths[0].frame
         for one in paths:
             if one.frame == frame:

@@ -1,4 +1,4 @@
-"""What is odd about the classes of a run's labels: those asked for and those nobody knows."""
+"""What is odd about the classes of a run's labels: asked for in vain, or unknown to KITTI."""
 
 from __future__ import annotations
 
@@ -9,18 +9,21 @@ from pseudolidar.obstacles.detector import DetectorSettings
 from pseudolidar.obstacles.labels import Labels
 from pseudolidar.running.journal.record import FrameRecord
 
-# The figure of a frame that names the classes of its labels.
+# The figure of a frame that lists the classes of its labels.
 LABELLED = "labelled_classes"
 
 
 def class_warnings(
     detectors: Iterable[DetectorSettings | None], records: Iterable[FrameRecord]
 ) -> list[str]:
-    """Classes that were asked for and no frame has, and classes that KITTI does not have.
+    """Warnings of classes that were asked for and no frame has, and of those that KITTI has not.
 
     Args:
-        detectors: those that were asked; nothing is odd where labels are not among them.
+        detectors: those of the run, None for none. Where none of them are labels nothing is odd.
         records: of the frames that are done.
+
+    Returns:
+        A line for each class that was asked for in vain, and one with all that KITTI has not.
     """
     asked = [one.classes for one in detectors if isinstance(one, Labels)]
     told = [record.figures[LABELLED] for record in records if LABELLED in record.figures]
@@ -28,7 +31,8 @@ def class_warnings(
         return []
     there = sorted({name for names in told for name in names})
     known = {name.lower() for name in there}
-    absent = [name for names in asked for name in names if name.lower() not in known]
+    wanted = dict.fromkeys(name for names in asked for name in names)  # each once, in order
+    absent = [name for name in wanted if name.lower() not in known]
     lines = [
         f"labels: no frame has the class {name}; there are {', '.join(there) or 'none'}"
         for name in absent
