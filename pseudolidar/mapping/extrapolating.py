@@ -12,6 +12,7 @@ from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.frames import ODOM
 from pseudolidar.geometry.twists import gone_on, log_twist, rigid
 from pseudolidar.mapping.registered import OdometryChain, Registered
+from pseudolidar.mapping.scan_counts import ScanCounts
 from pseudolidar.mapping.steadiness import Steadiness
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.box import Detection
@@ -46,6 +47,11 @@ class ExtrapolatingChain:
     def correction(self) -> DisparityCorrection | None:
         """What should be taken off disparities by now."""
         return self._chain.correction
+
+    @property
+    def scan_counts(self) -> ScanCounts | None:
+        """What was odd about scans so far; None where scans are not looked at."""
+        return self._chain.scan_counts
 
     def trajectories(self) -> tuple[Trajectory, ...]:
         """Poses of all frames that were measured, piece by piece; `bridged` adds those between."""

@@ -16,8 +16,9 @@ from pseudolidar.mapping.fused_sight import Anchor, FusedSight
 from pseudolidar.mapping.integrity import StepCheck, checked, step_check
 from pseudolidar.mapping.kiss_library import load_kiss
 from pseudolidar.mapping.registered import Registered
+from pseudolidar.mapping.scan_counts import ScanCounts
 from pseudolidar.mapping.scan_overrule import lying_elsewhere
-from pseudolidar.mapping.scan_witness import ScanPlanes, ScanWitness
+from pseudolidar.mapping.scan_witness import ScanPlanes, ScanWitness, scan_points
 from pseudolidar.mapping.second_look import SecondLook
 from pseudolidar.mapping.seeing import Seeing
 from pseudolidar.mapping.surface_map import SurfaceMap, Surfaces
@@ -55,6 +56,7 @@ class FusedChain:
         self._anchor: Anchor | None = None
         self._twist_per_s: Float64 | None = None
         self._lost = 0
+        self.scan_counts = ScanCounts()
 
     @property
     def correction(self) -> DisparityCorrection | None:
@@ -96,7 +98,13 @@ class FusedChain:
         T_left_lidar = self._rig.T_left_velodyne
         if frame.scan is None or T_left_lidar is None:
             return None
-        return ScanPlanes.of(frame.scan, T_left_lidar)
+        points, counts = scan_points(frame.scan), self.scan_counts
+        planes = ScanPlanes.of(points, T_left_lidar)
+        counts.scans += 1
+        counts.dropped_points += points.dropped + frame.scan.dropped
+        counts.empty += not len(points.xyz)
+        counts.few += planes is None and len(points.xyz) > 0
+        return planes
 
     def _anew(self, state: OdometryState, seen: FusedSight) -> Registered:
         """Vision begins a piece: the path goes on if the scan says where, or begins as well."""
@@ -127,7 +135,10 @@ class FusedChain:
         if scan is None or twist is None or self._lost > self._reach:
             return None
         found = self._scans.alone(scan, self._gone_on(timestamp_ns, twist))
-        return None if found is None else self._laid(state, timestamp_ns, scan, found)
+        if found is None:
+            self.scan_counts.unplaced += not self._scans.empty
+            return None
+        return self._laid(state, timestamp_ns, scan, found)
 
     def _gone_on(self, timestamp_ns: int, twist_per_s: Float64) -> Float64:
         """(4, 4) where the sensors would go on to."""
@@ -160,6 +171,8 @@ class FusedChain:
         overruled = self._overruled(state, check, seen, anchor, by_scan)
         if overruled is not None:
             return overruled
+        unplaced = seen.scan is not None and by_scan is None and not self._scans.empty
+        self.scan_counts.unplaced += unplaced
         found = by_scan or align(seen.some, surfaces, prior, within_m=within_m)
         self._threshold.update_model_deviation(inverted(prior.T_odom_sensor) @ found.T_odom_sensor)
         if check.wrong:

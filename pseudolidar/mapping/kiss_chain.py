@@ -11,6 +11,7 @@ from pseudolidar.geometry.frames import ODOM
 from pseudolidar.geometry.twists import adjoint, inverted
 from pseudolidar.mapping.path import stacked
 from pseudolidar.mapping.registered import Registered
+from pseudolidar.mapping.scan_counts import ScanCounts
 from pseudolidar.mapping.scan_odometry import ScanChain
 from pseudolidar.structures.box import Detection
 from pseudolidar.structures.camera import StereoRig
@@ -37,6 +38,11 @@ class KissChain:
     def correction(self) -> DisparityCorrection | None:
         """That of the rig: scans say nothing of disparities."""
         return self._rig.correction
+
+    @property
+    def scan_counts(self) -> ScanCounts:
+        """What was odd about scans so far."""
+        return self._scans.counts
 
     def register(
         self, frame: StereoFrame, disparity: DisparityMap, movable: Sequence[Detection] = ()

@@ -104,6 +104,11 @@ class VisionChain:
         """What should be taken off disparities by now."""
         return self._visual.correction
 
+    @property
+    def scan_counts(self) -> None:
+        """Scans are not looked at."""
+        return None
+
     def trajectories(self) -> tuple[Trajectory, ...]:
         """Poses with all that is known by now, and covariances, piece by piece."""
         return self._visual.trajectories()

@@ -16,6 +16,7 @@ from pseudolidar.structures.pose import Trajectory
 if TYPE_CHECKING:
     from pseudolidar.mapping.alignment import Alignment
     from pseudolidar.mapping.integrity import StepCheck
+    from pseudolidar.mapping.scan_counts import ScanCounts
 
 # By which sensors a pose was measured.
 Sensors = Literal["none", "vision", "scan", "vision and scan"]
@@ -49,6 +50,11 @@ class OdometryChain(Protocol):
     @property
     def correction(self) -> DisparityCorrection | None:
         """What should be taken off disparities by now: for the rig, and for every cloud."""
+        ...
+
+    @property
+    def scan_counts(self) -> ScanCounts | None:
+        """What was odd about scans so far; None where scans are not looked at."""
         ...
 
     def register(

@@ -11,6 +11,7 @@ from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.geometry.frames import ODOM
 from pseudolidar.geometry.twists import carried, exp_twist, inverted, log_twist
 from pseudolidar.mapping.kiss_library import load_kiss
+from pseudolidar.mapping.scan_counts import ScanCounts
 from pseudolidar.mapping.scan_map import ReadyScan, ScanAlignment, ScanMap, ready
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.frame import LidarScan
@@ -61,25 +62,6 @@ class ScanOdometry:
             MissingDependency: kiss-icp is absent.
         """
         return ScanChain(self)
-
-
-@dataclass
-class ScanCounts:
-    """What was odd about scans so far.
-
-    Args:
-        empty: scans without a usable point.
-        few: scans with too few.
-        unplaced: scans that fit nowhere.
-        dropped_points: points that were not finite.
-        deskewed: scans whose points had times of their own.
-    """
-
-    empty: int = 0
-    few: int = 0
-    unplaced: int = 0
-    dropped_points: int = 0
-    deskewed: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +139,7 @@ class ScanChain:
             farthest_m=settings.farthest_m,
             twist_per_s=twist_per_s,
         )
+        self.counts.scans += 1
         self.counts.dropped_points += points.dropped + scan.dropped
         self.counts.deskewed += scan.point_times_ns is not None and twist_per_s is not None
         return points

@@ -15,7 +15,7 @@ from pseudolidar.geometry.twists import exp_twist
 from pseudolidar.mapping.alignment import Alignment, Prior, align, lying_at
 from pseudolidar.mapping.kiss_library import load_kiss, thinned
 from pseudolidar.mapping.patches import Patches
-from pseudolidar.mapping.scan_map import ready
+from pseudolidar.mapping.scan_map import ReadyScan, ready
 from pseudolidar.mapping.surface_map import SurfaceMap, Surfaces
 from pseudolidar.structures.arrays import Float64
 from pseudolidar.structures.frame import LidarScan
@@ -53,13 +53,8 @@ class ScanPlanes:
     planes: Patches
 
     @classmethod
-    def of(cls, scan: LidarScan, T_left_lidar: Pose) -> ScanPlanes | None:
-        """None where there are too few planes to say anything.
-
-        Raises:
-            SequenceTime: times of points that are not of this scan.
-        """
-        points = ready(scan, nearest_m=NEAREST_M, farthest_m=FARTHEST_M, twist_per_s=None)
+    def of(cls, points: ReadyScan, T_left_lidar: Pose) -> ScanPlanes | None:
+        """None where there are too few planes to say anything."""
         xyz = T_left_lidar.apply(thinned(points.xyz, VOXEL_M / 2))
         if len(xyz) < LEAST_PLANES:
             return None
@@ -68,6 +63,15 @@ class ScanPlanes:
         flat = np.isfinite(normals).all(axis=1)
         planes = Patches(xyz[some[flat]], normals[flat], np.full(int(flat.sum()), SIGMA_M))
         return cls(xyz, planes) if len(planes) >= LEAST_PLANES else None
+
+
+def scan_points(scan: LidarScan) -> ReadyScan:
+    """The points of a scan that planes are looked for in.
+
+    Raises:
+        SequenceTime: times of points that are not of this scan.
+    """
+    return ready(scan, nearest_m=NEAREST_M, farthest_m=FARTHEST_M, twist_per_s=None)
 
 
 class ScanWitness:
@@ -80,6 +84,11 @@ class ScanWitness:
     def __init__(self) -> None:
         kiss = load_kiss(voxel_m=VOXEL_M, farthest_m=FARTHEST_M, threshold_m=FIRST_THRESHOLD_M)
         self._map, self._threshold = SurfaceMap(kiss), kiss.threshold()
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing yet to lay a scan on."""
+        return self._map.empty
 
     def align(self, scan: ScanPlanes, prior: Prior) -> Alignment | None:
         """The pose that scan and prior agree on; None where the scan does not lie on the map."""

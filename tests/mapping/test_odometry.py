@@ -14,6 +14,7 @@ from pseudolidar.mapping.fused_chain import FusedChain
 from pseudolidar.mapping.fused_path import FusedPath, FusedStep
 from pseudolidar.mapping.odometry import Fused, Kiss, Vision
 from pseudolidar.mapping.patches import find_patches
+from pseudolidar.mapping.scan_counts import ScanCounts
 from pseudolidar.mapping.surface_map import Surfaces
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.disparity import DisparityMap
@@ -126,6 +127,18 @@ def test_scans_put_right_what_an_unknown_offset_does_to_steps(street):
     assert errors_m["scans"] < 0.005 * way_m
     assert errors_m["patches"] > 0.02 * way_m
     assert errors_m["too few points"] == errors_m["patches"]
+
+
+def test_scans_that_say_nothing_are_counted_and_vision_goes_on(street):
+    frames, truth = street
+    few, nothing = frames[1].scan.xyz[:50].copy(), np.full((30, 3), np.nan, np.float32)
+    in_the_sky = frames[3].scan.xyz + np.array([0, 0, 30], np.float32)
+    odd = zip(frames[1:], (few, nothing, in_the_sky), strict=True)
+    seen = [replace(frame, scan=LidarScan(xyz)) for frame, xyz in odd]
+    chain = FusedChain(Told(truth, lambda T: T), frames[0].rig, reach=5)
+    told = [chain.register(frame, frame.truth) for frame in (frames[0], *seen)]
+    assert [one.sensors for one in told] == ["vision"] * 4
+    assert chain.scan_counts == ScanCounts(4, empty=1, few=1, unplaced=1, dropped_points=30)
 
 
 def stretched(T):

@@ -23,7 +23,7 @@ STEP_DOUBT = np.diag(np.repeat([1e-3, 1e-4], 3) ** 2)
 class ToldChain:
     """Tells one state after the other."""
 
-    correction = None
+    correction = scan_counts = None
 
     def __init__(self, states: Sequence[OdometryState]) -> None:
         self._states = list(states)

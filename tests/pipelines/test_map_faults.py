@@ -110,6 +110,8 @@ def test_scans_without_shape_are_extrapolated_or_left_out(root: Path, capsys):
     assert path["ended"] == []
     assert placed(root) == ["000000", "000001", "000002", "000004"]
     assert path["end_error_rel"] < 0.05
+    odd = {"scans": 5, "empty": 1, "few": 1, "unplaced": 0}
+    assert path["scans"] == odd | {"dropped_points": 0, "deskewed": 0}
     out = root.parent / "out"
     assert "1 of 4 poses are extrapolated" in (out / "trajectory.tum").read_text().split("\n")[0]
     rows = list(csv.DictReader((out / "frames.csv").open()))
@@ -122,6 +124,7 @@ def test_scans_without_shape_are_extrapolated_or_left_out(root: Path, capsys):
     report = (out / "report.html").read_text()
     assert "1 extrapolated" in report
     assert "no usable point" in report
+    assert "2 of 5 scans left out: 1 without a usable point, 1 with too few" in report
 
 
 def blacken(root: Path, *frames: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -103,7 +104,9 @@ class Walk:
         longest_first = tuple(sorted(pieces, key=lambda piece: -len(piece.frames)))
         told = {} if self._loops is None else self._loops.refused
         refused = {str(why): count for why, count in told.items() if count}
-        return Walked(longest_first, placed, path.used, path.dropped, refused)
+        counts = self._chain.scan_counts
+        scans = None if counts is None else replace(counts)  # as it is now
+        return Walked(longest_first, placed, path.used, path.dropped, refused, scans)
 
     def _unmeasured_ns(self, piece: int) -> Int64:
         """Times of frames of a piece of path, or after it, of which nothing was measured."""

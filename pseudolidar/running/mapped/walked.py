@@ -10,6 +10,7 @@ import numpy as np
 
 from pseudolidar.errors import OdometryLost
 from pseudolidar.mapping.registered import Registered, Sensors
+from pseudolidar.mapping.scan_counts import ScanCounts
 from pseudolidar.structures.arrays import Bool, Float64, Int64
 from pseudolidar.structures.box import Detection
 from pseudolidar.structures.frame import StereoFrame
@@ -122,6 +123,7 @@ class Walked:
         loops: that the path keeps.
         dropped: loops that disagree with all the rest.
         refused: how many candidates were none, by reason.
+        scans: what was odd about scans; None where they were not looked at.
     """
 
     pieces: tuple[Piece, ...]
@@ -129,6 +131,7 @@ class Walked:
     loops: tuple[LoopClosure, ...] = ()
     dropped: tuple[LoopClosure, ...] = ()
     refused: Mapping[str, int] = field(default_factory=dict)
+    scans: ScanCounts | None = None
 
     @property
     def names(self) -> Mapping[int, str]:

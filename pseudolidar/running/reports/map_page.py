@@ -97,6 +97,8 @@ def _odd(report: MapReport) -> list[Section]:
     rows = [
         (error.where, error.code, f"{error.got}; {error.want}") for error in report.walked.ended
     ]
+    if report.odd_scans:
+        rows.append(("scans", "LiDAR", report.odd_scans))
     rows += [(one.id, one.status, one.why) for one in report.placed if not one.measured]
     rows += [
         (one.id, "wrong step", "pictures or map disagree with vision; another step was taken")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +88,22 @@ class MapReport:
         return consistency_of(longest.T_odom_camera, longest.covariance, longest.truth)
 
     @property
+    def odd_scans(self) -> str:
+        """Which scans say nothing, and points that are none, in a line; empty where all is well."""
+        scans = self.walked.scans
+        if scans is None:
+            return ""
+        reasons = {
+            "without a usable point": scans.empty,
+            "with too few points or planes": scans.few,
+            "that lie nowhere on the map": scans.unplaced,
+        }
+        told = [f"{count} {reason}" for reason, count in reasons.items() if count]
+        line = f"{scans.left_out} of {counted(scans.scans, 'scan')} left out: " + ", ".join(told)
+        points = f"{counted(scans.dropped_points, 'point')} of scans dropped that are no places"
+        return "; ".join([line] * bool(told) + [points] * bool(scans.dropped_points))
+
+    @property
     def corrected(self) -> list[Placed]:
         """Frames whose step of vision was found to be wrong."""
         return [one for one in self.placed if one.wrong]
@@ -127,6 +143,7 @@ class MapReport:
             "loops_refused": dict(self.walked.refused),
             "lost": [one.id for one in self.lost],
             "extrapolated": [one.id for one in self.extrapolated],
+            "scans": None if self.walked.scans is None else asdict(self.walked.scans),
             "by_sensors": dict(Counter(one.sensors for one in self.placed)),
             "ended": [error.as_dict() for error in self.walked.ended],
             "corrected": [one.id for one in self.corrected],
@@ -176,6 +193,8 @@ class MapReport:
         if blind:
             names = ", ".join(one.id for one in blind[:NAMED_FRAMES])
             lines.append(f"  {counted(len(blind), 'frame')} by scans alone: {names}")
+        if self.odd_scans:
+            lines.append(f"  {self.odd_scans}")
         lines += _named("extrapolated", self.extrapolated)
         lines += _named("lost", self.lost)
         if self.walked.loops or self.walked.dropped:

@@ -11,6 +11,7 @@ import numpy as np
 
 from pseudolidar.errors import ALL_DONE, SOME_SKIPPED
 from pseudolidar.mapping.extrapolating import ExtrapolatingChain
+from pseudolidar.mapping.scan_counts import ScanCounts
 from pseudolidar.running.journal.record import FrameRecord
 from pseudolidar.running.mapped.frame_table import write_frame_table
 from pseudolidar.running.mapped.glimpse import Glimpse
@@ -94,6 +95,20 @@ def test_a_path_that_ends_is_told_by_the_exit_status():
         assert not any(one.lost for one in path.placed)
         codes.append(MapReport(result, None, path, None, None).exit_code)
     assert codes == [ALL_DONE, ALL_DONE, SOME_SKIPPED]
+
+
+def test_odd_scans_are_told_in_a_line():
+    result: Any = SimpleNamespace(exit_code=ALL_DONE, ended_early=False, text=lambda: "done")
+
+    def text(scans: ScanCounts | None) -> str:
+        path = replace(walked("foo").walked(), scans=scans)
+        return MapReport(result, None, path, None, None).text()
+
+    assert "scan" not in text(None) + text(ScanCounts(3, deskewed=3))
+    told = text(ScanCounts(9, empty=1, unplaced=2, dropped_points=1))
+    assert "  3 of 9 scans left out: 1 without a usable point, 2 that lie nowhere" in told
+    assert "; 1 point of scans dropped" in told
+    assert "\n  1,234 points of scans dropped" in text(ScanCounts(3, dropped_points=1234))
 
 
 def test_errors_are_of_what_was_measured():
