@@ -57,3 +57,23 @@ def similarity_of(src: Float64, dst: Float64, *, scaled: bool) -> Similarity:
     scale = float(spread @ mirror) / variance if scaled and variance > 0 else 1.0
     determined = bool(spread[1] > LINE_RATIO * spread[0])
     return Similarity(R, dst_mean - scale * R @ src_mean, scale, determined)
+
+
+def turn_sigma_rad(laid: Float64, dst: Float64) -> float:
+    """How unsure the turn about the line is that points (N, 3) m lie near, laid onto others.
+
+    What they are off across that line, by how far they lie from it. Errors of a path drift: they
+    are taken to be one error, not N, which many points would make small. Infinite where all lie on
+    the line.
+
+    Args:
+        laid: points after the fit.
+        dst: where they should lie.
+    """
+    from_mean = laid - laid.mean(axis=0)
+    line = np.linalg.svd(from_mean.T @ from_mean)[2][0]
+    across = np.eye(3) - np.outer(line, line)
+    apart_m2 = float(((from_mean @ across) ** 2).sum(axis=1).mean())
+    off_m2 = float((((laid - dst) @ across) ** 2).sum(axis=1).mean())
+    # Across are two directions; one of them turns.
+    return float(np.sqrt(off_m2 / 2 / apart_m2)) if apart_m2 > 0 else np.inf

@@ -58,6 +58,8 @@ def test_known_answers(real_data, capsys, name):
         assert found["ape"][f"{statistic}_m"] == pytest.approx(value, abs=1e-6)
     assert found["kitti"]["segments_m"] == [100, 200, 300, 400, 500, 600, 700, 800]
     assert found["kitti"]["n"] > 3000
+    assert found["turn_sigma_deg"] < 1.1
+    assert not any("straight" in note for note in found["notes"])
 
 
 @pytest.mark.parametrize("estimate", ["estimate.tum", "estimate.csv", "estimate.txt"])
@@ -178,3 +180,27 @@ def test_a_line_is_told_to_leave_a_turn_open(tmp_path, capsys):
     code, found, _ = evaluate(capsys, tmp_path / "a.txt", "--reference", tmp_path / "a.txt")
     assert code == 0
     assert any("straight line" in note for note in found["notes"])
+
+
+def test_a_path_that_is_nearly_a_line_tells_how_open_its_turn_is(tmp_path, capsys):
+    """Five centimetres from the line, and what is off is half of that."""
+    truth = np.tile(np.eye(4), (40, 1, 1))
+    truth[:, 0, 3] = np.arange(40)
+    truth[:, 1, 3] = 0.05 * np.sin(np.arange(40) / 3)
+    estimate = truth.copy()
+    estimate[:, 2, 3] = 0.025 * np.sin(np.arange(40) / 5)
+    for name, poses in (("truth", truth), ("estimate", estimate)):
+        write_kitti_poses(tmp_path / f"{name}.txt", poses)
+    args = (tmp_path / "estimate.txt", "--reference", tmp_path / "truth.txt")
+    code, found, _ = evaluate(capsys, *args, "--report", tmp_path / "page.html")
+    assert code == 0
+    assert 10 < found["turn_sigma_deg"] < 40
+    assert found["ape"]["rmse_deg"] < 2 * found["turn_sigma_deg"]
+    (note,) = (note for note in found["notes"] if "nearly straight" in note)
+    assert f"a turn of {found['turn_sigma_deg']:.1f} deg about it open" in note
+    assert "a turn about the path is open" in (tmp_path / "page.html").read_text()
+    assert main(["evaluate", "trajectory", *map(str, args)]) == 0
+    assert f"note: {note}" in capsys.readouterr().out
+    _, found, _ = evaluate(capsys, *args, "--align", "origin")
+    assert found["turn_sigma_deg"] is None
+    assert not any("straight" in note for note in found["notes"])

@@ -95,9 +95,10 @@ def _keys(report: TrajectoryReport) -> list[KeyFigure]:
     rotation = ErrorStatistics.of(np.degrees(errors.ape_rad))
     assert position is not None
     assert rotation is not None
+    unsure = "; a turn about the path is open" if report.turn_is_open else ""
     keys = [
         KeyFigure("APE", f"{position.rmse:.3f} m", f"rmse; largest {position.max:.3f} m"),
-        KeyFigure("rotation", f"{rotation.rmse:.3f} deg", "rmse of poses"),
+        KeyFigure("rotation", f"{rotation.rmse:.3f} deg", f"rmse of poses{unsure}"),
         KeyFigure("t_rel", percent(drift.mean_t_rel), f"mean of {counted(len(drift), 'segment')}"),
         KeyFigure("r_rel", degrees(drift.mean_r_rel_deg_per_m), "deg/m, mean of segments"),
         KeyFigure("end", percent(errors.end_error_rel), "of the path, the whole motion"),

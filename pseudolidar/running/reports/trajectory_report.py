@@ -14,6 +14,7 @@ from pseudolidar.evaluation.trajectory.judge import Alignment, RelativeErrors, T
 from pseudolidar.evaluation.trajectory.statistics import ErrorStatistics, statistics_dict
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.formats.trajectory_file import PoseRecord
+from pseudolidar.geometry.similarity import turn_sigma_rad
 from pseudolidar.running.reports.numbers import counted, percent
 from pseudolidar.running.table import table_text
 from pseudolidar.structures.arrays import Float64
@@ -29,7 +30,14 @@ PAIRED = {
     "interpolate": "paired by time, interpolated",
     "index": "paired by their place in the files",
 }
+# Turns about the path that positions leave less sure than this are told: rotations of odometry are
+# off by about a degree on KITTI 00.
+OPEN_TURN_DEG = 2.0
 OPEN_TURN = "the path is a straight line: a turn about it is open, and rotations mean little"
+NEARLY_OPEN = (
+    "the path is nearly straight: positions leave a turn of {:.1f} deg about it open, "
+    "and rotations of poses are no surer; those of motions are"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,16 +66,40 @@ class TrajectoryReport:
     @property
     def notes(self) -> tuple[str, ...]:
         """What is odd, or was assumed."""
-        fitted = self.align in ("se3", "sim3") and not self.errors.alignment.determined
         still = ("the reference does not move",) if not self.errors.length_m else ()
         every = (
             *self.estimate.notes,
             *self.reference.notes,
             *self.errors.pairs.notes,
-            *((OPEN_TURN,) if fitted else ()),
+            *((self.open_turn,) if self.turn_is_open else ()),
             *still,
         )
         return tuple(dict.fromkeys(every))  # a source may be both
+
+    @property
+    def fitted(self) -> bool:
+        """Whether positions alone say how the estimate is laid onto the reference."""
+        return self.align in ("se3", "sim3")
+
+    @property
+    def turn_sigma_deg(self) -> float | None:
+        """One standard deviation of the turn about the path; None where open, or not fitted."""
+        if not self.fitted or not self.errors.alignment.determined:
+            return None
+        places, right = self.errors.aligned[:, :3, 3], self.errors.reference[:, :3, 3]
+        return float(np.degrees(turn_sigma_rad(places, right)))
+
+    @property
+    def turn_is_open(self) -> bool:
+        """Whether rotations of poses may be off by a turn about the path that nobody made."""
+        sigma_deg = self.turn_sigma_deg
+        return self.fitted and (sigma_deg is None or sigma_deg > OPEN_TURN_DEG)
+
+    @property
+    def open_turn(self) -> str:
+        """Why rotations of poses mean little, in a line."""
+        sigma_deg = self.turn_sigma_deg
+        return OPEN_TURN if sigma_deg is None else NEARLY_OPEN.format(sigma_deg)
 
     @property
     def subject(self) -> str:
@@ -99,6 +131,7 @@ class TrajectoryReport:
             },
             "end_error_rel": errors.end_error_rel,
             "align": self.align,
+            "turn_sigma_deg": self.turn_sigma_deg,
             "scale": errors.alignment.scale,
             "T_reference_estimate": _matrix(errors).tolist(),
             "frames": len(errors.pairs),
