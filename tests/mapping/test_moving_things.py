@@ -26,13 +26,16 @@ def followed(odometry, frames):
     return [chain.register(frame, frame.truth) for frame in frames], chain.trajectories()
 
 
-@pytest.mark.parametrize("begin", [0, 3])
-def test_scans_overrule_vision_that_goes_with_a_bus(street, begin):
-    told, (path,) = followed(Fused(), with_board(street.frames, "still", 0.6, begin=begin))
+@pytest.mark.parametrize(("begin", "end"), [(0, 4), (3, FRAMES)])
+def test_scans_overrule_vision_that_goes_with_a_bus(street, begin, end):
+    """Until it is gone: then vision goes on from where the scans had it."""
+    beside = with_board(street.frames, "still", 0.6, begin=begin)
+    told, (path,) = followed(Fused(), [*beside[:end], *street.frames[end:]])
     assert street.error_rel(told[-1].state) < 0.005
     assert np.abs(path.T_world_body[:, :3, 3] - street.T_odom[:, :3, 3]).max() < 0.03
     overruled = [one for one in told if one.check and one.check.asked == "scans"]
     assert len(overruled) >= 2
+    assert {one.sensors for one in told[end:]} <= {"vision and scan"}
     for one in overruled:
         assert one.check.wrong
         assert one.sensors == "scan"
