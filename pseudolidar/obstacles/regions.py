@@ -109,10 +109,12 @@ class DrawnRegions:
     path: str | None
 
     def meant_by(self, meant: Callable[[str], str | None]) -> DrawnRegions:
-        """The same by the ids of a source.
+        """The same boxes by the ids of a source, in place of the names that somebody wrote.
+
+        Names that mean the same frame have their boxes together; boxes of every frame stay so.
 
         Args:
-            meant: the id that a name of a frame means, None where it means none.
+            meant: gives the id that a name means; None where it means none, and the name stays.
         """
         drawn = {EVERY_FRAME: self.drawn.get(EVERY_FRAME, ())}
         for name, boxes in self.drawn.items():

@@ -20,7 +20,12 @@ NAMED = 5
 
 
 def detector_for(detector: Detector, source: FrameSequence[Frame]) -> Detector:
-    """The detector, with drawn boxes in it by the ids of the source; see `drawn_for`."""
+    """The detector for the frames of a source: `drawn_for` of those parts of it that were drawn.
+
+    Args:
+        detector: loaded; any other than drawn boxes stays as it is.
+        source: whose frames it will be asked about, or a selection of it.
+    """
     if isinstance(detector, CombinedDetectors):
         parts = tuple(detector_for(part, source) for part in detector.detectors)
         return replace(detector, detectors=parts)
@@ -28,11 +33,11 @@ def detector_for(detector: Detector, source: FrameSequence[Frame]) -> Detector:
 
 
 def drawn_for(drawn: DrawnRegions, source: FrameSequence[Frame]) -> DrawnRegions:
-    """Drawn boxes by the ids of a source; frames that it has not are warned of.
+    """Drawn boxes by the ids of a source; frames that the source does not have are warned of.
 
     Args:
-        drawn: boxes by names of frames, as --frames takes them.
-        source: what they are of, or a selection of it.
+        drawn: boxes by names of frames as somebody wrote them: ids, or numbers in them.
+        source: which the boxes are drawn in, or a selection of it.
     """
     every = whole(source)
     ids = FrameIds([*every.ids, *(name for name, _ in every.refused)])

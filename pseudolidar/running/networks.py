@@ -27,7 +27,15 @@ def networks_of(part: object) -> dict[str, dict[str, Any]]:
 def with_times(
     networks: Mapping[str, Mapping[str, Any]], part: object
 ) -> dict[str, dict[str, Any]]:
-    """`networks_of` a part, with what a frame took those that find objects so far: `median_ms`."""
+    """Networks with the time that each frame has taken them so far.
+
+    Args:
+        networks: as `networks_of` tells those of `part`.
+        part: the same loaded part, after it has seen frames.
+
+    Returns:
+        The same with `median_ms` for detectors that ran in this process; matchers are not timed.
+    """
     told = {name: dict(network) for name, network in networks.items()}
     for name, network in _by_name(part).items():
         if isinstance(network, NetworkDetector) and network.median_ms is not None:
@@ -36,12 +44,12 @@ def with_times(
 
 
 def timed(networks: Mapping[str, Mapping[str, Any]], part: object) -> dict[str, Any]:
-    """The figures of a run that tell of its networks; none where there are none."""
+    """`with_times` as figures of a run, `{"networks": ...}`; empty where there are no networks."""
     return {"networks": with_times(networks, part)} if networks else {}
 
 
 def times_in_words(networks: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """A line for each whose time is known."""
+    """A line for each network whose time is known, as `with_times` tells it."""
     return [
         f"network of the {name}: {network['median_ms']:.1f} ms a frame on {network['provider']}, "
         "median of its own time"
@@ -59,7 +67,7 @@ def deciding(networks: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, A
 
 
 def _by_name(part: object) -> dict[str, NetworkDetector | NetworkMatcher]:
-    """What each is for."""
+    """The networks of a part by what they are for: `detector`, `matcher`, `detector 2`."""
     named: dict[str, NetworkDetector | NetworkMatcher] = {}
     for network in _found(part, set()):
         kind = "detector" if isinstance(network, NetworkDetector) else "matcher"

@@ -183,7 +183,11 @@ class Run:
         )
 
     def warn(self, lines: Iterable[str]) -> None:
-        """What is odd about the run as a whole: told now, and in the report."""
+        """Say what is odd about the run as a whole: in the log now, and in the report.
+
+        Args:
+            lines: one warning each.
+        """
         for line in lines:
             _log.warning("%s", printable(line))
             self._warnings = (*self._warnings, line)

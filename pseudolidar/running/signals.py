@@ -17,7 +17,8 @@ SIGNAL_EXIT_BASE = 128
 class Stopped(KeyboardInterrupt):
     """The run was asked to stop; a `KeyboardInterrupt`, so that no `except Exception` eats it.
 
-    `advice` is what its user can do now, where the work itself knows better than the command line.
+    Whoever knows better than the command line what the user can do next sets `advice`; "" leaves it
+    to the command line.
     """
 
     def __init__(self, number: int) -> None:

@@ -216,7 +216,7 @@ class FrameIds:
         return found
 
     def meant(self, item: str) -> str | None:
-        """The same, where it means one alone."""
+        """The id that a text means; None where it means none or several."""
         if item in self.exact:
             return item
         if _NUMBERS.fullmatch(item):

@@ -11,7 +11,7 @@ from pseudolidar.errors import ServeError, UsageError
 from pseudolidar.viewer.port_owner import port_owner
 
 LOOPBACK = "127.0.0.1"
-# How the flag says that any free port will do, and the highest there is.
+# What `--port` says for any port that is free, and the highest port that there is.
 ANY_PORT, LAST_PORT = "auto", 65535
 # Connections that may wait to be taken.
 BACKLOG = 64
@@ -22,10 +22,10 @@ class Port(int):
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """From `8080`, or `auto`, which is 0.
+        """From text: a number such as `8080`, or `auto`, which is 0.
 
         Raises:
-            UsageError: no such port.
+            UsageError: there is no such port.
         """
         number = "0" if text.strip().lower() == ANY_PORT else text.strip()
         # int() would take other digits than ours, and more of them than anybody reads.
@@ -68,7 +68,7 @@ class Address:
         where = f"{self.host}:{self.port}"
         try:
             family, _, _, _, place = socket.getaddrinfo(
-                # It takes int alone, and no class of it.
+                # getaddrinfo refuses subclasses of int.
                 self.host,
                 int(self.port),
                 type=socket.SOCK_STREAM,

@@ -16,20 +16,21 @@ from pseudolidar.viewer.moment import Moment
 
 # Width of the photo in a frustum, px.
 PHOTO_PX = 320
-# How far ahead of a camera its picture stands, m: the right one's is bare, and out of the way.
+# How far ahead of a camera its picture stands, m. The right one has no photo, and is smaller so
+# that it does not hide the left one's.
 LEFT_M, RIGHT_M = 1.5, 0.6
 
 
 @dataclass(frozen=True, eq=False)
 class StandingCamera:
-    """A camera with what it sees.
+    """A camera as it is drawn: a pyramid from its centre to its picture.
 
     Args:
-        name: left or right; the only one is the left.
-        camera: its pinhole.
-        T_forward_camera: (4, 4) maps its points into the frame of the clouds.
-        length_m: how far ahead of it its picture stands.
-        photo: (H, W, 3) RGB, small; None for none.
+        name: `left` or `right`; the only camera is the left one.
+        camera: its intrinsics.
+        T_forward_camera: (4, 4) maps points of the camera into the frame of the clouds.
+        length_m: how far ahead of the centre the picture stands, m.
+        photo: (H, W, 3) uint8 RGB, `PHOTO_PX` wide; None to draw the pyramid alone.
     """
 
     name: str
@@ -40,14 +41,17 @@ class StandingCamera:
 
     @property
     def opening(self) -> tuple[float, float]:
-        """Vertical angle, rad, and width over height."""
+        """Vertical angle of view, rad, and width over height of the picture."""
         camera = self.camera
         fov_rad = 2 * np.arctan2(camera.height_px / 2, float(camera.K[1, 1]))
         return float(fov_rad), camera.width_px / camera.height_px
 
 
 def cameras_of(moment: Moment) -> tuple[StandingCamera, ...]:
-    """The left camera with its photo, and the right one; none of clouds that came alone."""
+    """The left camera of a frame with its photo, and the right one where there is a pair.
+
+    None of clouds that came without pictures.
+    """
     sight, made = moment.sight, moment.converted
     if sight is None or made is None:
         return ()

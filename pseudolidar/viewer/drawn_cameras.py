@@ -16,7 +16,7 @@ CAMERA_COLOUR = (240, 160, 30)
 
 
 class DrawnCameras:
-    """Of the shown frame: the left one with its photo, the right one bare.
+    """The cameras of the shown frame as pyramids: the left one with its photo, the right one bare.
 
     Args:
         view: what is looked at.

@@ -102,13 +102,13 @@ class DrawnMeshes:
         }
 
     def _take_new(self) -> None:
-        """Meshes that were laid on the stage since."""
+        """Take in the meshes that were laid on the stage since the last time."""
         for one in self._stage.every_still:
             if isinstance(one, StillMesh) and one.name not in self._meshes:
                 self._near[one.name] = self._near_origin(one.mesh)
                 colouring = Colouring("height") if one.mesh.rgb is None else Colouring()
                 self._stage.looks.setdefault(one.name, Look(colouring))
-                # Who goes through them in another thread goes on with those it began with.
+                # A new dict: another thread may be going through the old one.
                 self._meshes = {**self._meshes, one.name: one}
 
     def _settled(self) -> Mapping[str, Colouring]:

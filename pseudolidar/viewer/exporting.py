@@ -51,14 +51,15 @@ class Hindered:
 
 
 def check_export(path: Path, paths: Sequence[str]) -> None:
-    """Refuse a name of neither kind, and a file of nothing, before there is any work.
+    """Refuse what cannot be exported before there is any work.
 
     Args:
-        path: of the file.
+        path: the file to be written.
         paths: what it is to be made of.
 
     Raises:
-        UsageError: it ends otherwise, or there are none.
+        UsageError: the file's name does not end as one of those that can be written, or there are
+            no paths.
     """
     if path.suffix.lower() not in (*SCENES, *DRAWN):
         raise UsageError(

@@ -9,10 +9,10 @@ from pseudolidar.viewer.stills import Still, StillCloud, StillMesh, StillOctree
 
 
 def inventory(opened: Opened) -> list[dict[str, Any]]:
-    """One object for each thing: `name`, `kind` and how much there is of it.
+    """One JSON object for each thing: its `name`, its `kind`, and how much there is of it.
 
-    Sequences have `frames` and those `with_objects`, clouds `points`, meshes `triangles`, paths
-    `poses` and `length_m`.
+    A `sequence` has `frames`, and if a run found objects in it the number of frames `with_objects`;
+    a `cloud` has `points`, a `mesh` `triangles`, a `path` `poses` and `length_m`.
     """
     sequences = [
         {"name": reel.name, "kind": "sequence", "frames": len(reel.ids)} for reel in opened.reels

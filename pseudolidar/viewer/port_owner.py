@@ -47,11 +47,15 @@ def _sockets_of(process: Path) -> Iterator[str]:
 
 
 def command_of(process: Path) -> str:
-    """What was called, from the folder of a process: one line, cut where it is long."""
+    """The command line of a process, cut where it is long.
+
+    Args:
+        process: its folder below `/proc`.
+    """
     try:
         words = (process / "cmdline").read_bytes().decode(errors="replace").split("\0")
     except OSError:
         return "a process"
-    # Program and script by their names alone, so that what it was asked to do is seen.
+    # Program and script without their folders: there is room then for what it was asked to do.
     said = " ".join([*(Path(word).name for word in words[:2]), *words[2:]]).strip()
     return said if len(said) <= LONGEST_COMMAND else f"{said[:LONGEST_COMMAND]}..."

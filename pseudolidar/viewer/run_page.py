@@ -75,7 +75,10 @@ class RunPage(Newest[Shown]):
             self._app.view.lay(StillCloud(name, cloud))
 
     def lay_mesh(self, path: Path | None) -> None:
-        """Draw the mesh of a file, which the run has made; nothing of nothing."""
+        """Draw the mesh that the run has written to a file; nothing where it made none.
+
+        A mesh that cannot be read or is too large to be drawn is warned of, and the run goes on.
+        """
         if path is None:
             return
         try:

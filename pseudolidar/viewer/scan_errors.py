@@ -14,15 +14,22 @@ from pseudolidar.viewer.judged import compared_of
 
 
 def scan_error_picture(converted: Converted) -> UInt8:
-    """(H, W, 3) the photo, dimmed, with the errors of depth at the pixels of the scan's points.
+    """The dimmed photo, with a dot for the relative error of depth at each point of the scan.
 
     Blue is too near, white right, red too far; the scale ends at 10 %, as in clouds of errors.
     Where stereo has no depth nothing is drawn.
+
+    Args:
+        converted: a frame with a scan and disparities.
+
+    Returns:
+        (H, W, 3) uint8 RGB; the dimmed photo alone where it is not known how the scanner stands to
+        the camera.
     """
     drawn = (DIMMED * rgb_of(photo_of(converted.frame))).astype(np.uint8)
     try:
         compared = compared_of(converted, "scan")
-    except PseudolidarError:  # nobody knows where the scan was taken
+    except PseudolidarError:  # the calibration does not say where the scanner is
         return drawn
     if compared is None:
         return drawn
@@ -34,7 +41,13 @@ def scan_error_picture(converted: Converted) -> UInt8:
 
 
 def draw_dots(drawn: UInt8, uv: Float64, colours: UInt8) -> None:
-    """Draw points (N, 2) px with their colours (N, 3) into a picture, two pixels wide."""
+    """Draw dots of two by two pixels into a picture, in place.
+
+    Args:
+        drawn: (H, W, 3) uint8 RGB.
+        uv: (N, 2) px, inside the picture.
+        colours: (N, 3) uint8 RGB.
+    """
     column, row = np.rint(uv).astype(np.intp).T
     height, width = drawn.shape[:2]
     for down, right in ((0, 0), (0, 1), (1, 0), (1, 1)):

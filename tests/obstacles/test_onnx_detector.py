@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import pickle
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from pseudolidar.errors import MissingDependency, ModelError, ModelOutput, Usage
 from pseudolidar.formats.onnx.model import read_onnx
 from pseudolidar.formats.onnx.session import NetworkSession, available_providers
 from pseudolidar.obstacles.networks.class_names import class_names, listed_names
+from pseudolidar.obstacles.networks.crops import crops
 from pseudolidar.obstacles.networks.layout import DetectorLayout, layout_beside
 from pseudolidar.obstacles.networks.recognise import found_out
 from pseudolidar.obstacles.onnx_detector import NetworkDetector, OnnxDetector
@@ -141,6 +143,20 @@ def test_it_can_be_sent_to_another_process(tmp_path: Path) -> None:
     ]
     assert detector.describe()["sha256"] == read_onnx(path).sha256()
     assert "runs on cpu" in detector.in_words()
+
+
+def test_the_time_that_is_told_is_of_one_frame(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = graphs.written(tmp_path / "a.onnx", graphs.end_to_end())
+    clock_s = itertools.count()
+    monkeypatch.setattr("time.perf_counter", lambda: float(next(clock_s)))
+    whole, tiled = loaded(path), loaded(path, tiles=ImageSize(64, 64))
+    for _ in range(3):
+        whole.detect(PICTURE_PX)
+        tiled.detect(PICTURE_PX)
+    assert whole.median_ms == 1000
+    assert tiled.median_ms == 1000 * len(crops(PICTURE_PX.shape[:2], ImageSize(64, 64)))
 
 
 def test_a_provider_that_is_not_there_is_named_with_its_package(tmp_path: Path) -> None:

@@ -112,6 +112,11 @@ def test_no_file_is_made_of_nothing(name: str, tmp_path: Path, capsys: pytest.Ca
     assert "UsageError: --export: no path" in capsys.readouterr().err
     assert main(["view", str(empty), "--export", str(out / name)]) == 3
     assert "CloudEmpty: nothing that could be seen" in capsys.readouterr().err
+    torn = tmp_path / "clouds"
+    torn.mkdir()
+    (torn / "1.ply").write_bytes(empty.read_bytes().replace(b"vertex 0", b"vertex 1"))
+    assert main(["view", str(torn), "--export", str(out / name)]) == 3
+    assert "nothing that could be seen: PointFileTruncated" in capsys.readouterr().err
     assert not list(out.iterdir())
 
 

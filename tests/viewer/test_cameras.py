@@ -10,6 +10,7 @@ import pytest
 from pseudolidar.pipelines.view import View
 
 from pseudolidar.geometry.frames import R_BODY_OPTICAL
+from pseudolidar.geometry.quaternion import quaternion_wxyz
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.frame import StereoFrame
 from pseudolidar.viewer.address import Address
@@ -84,9 +85,17 @@ def test_they_are_changed_in_place_and_switched_off(app: App, reel: SourceReel, 
     wait_until(lambda: all(node.visible for node in nodes.values()))
     app.view.show(replace(moment, converted=None, sight=None))  # a frame without pictures
     assert not any(node.visible for node in nodes.values())
-    app.view.show(moment)
-    assert app.cameras._nodes == nodes
-    assert all(node.visible for node in nodes.values())
+    other = View().reel_of(Synthetic("street", frames=1, width_px=200, height_px=100)).load(0)
+    for shown in (moment, reel.load(1), other):  # the last one is of another rig
+        app.view.show(shown)
+        assert app.cameras._nodes == nodes
+        for one in cameras_of(shown):
+            node = nodes[one.name]
+            assert node.visible
+            assert (node.fov, node.aspect) == one.opening
+            assert np.allclose(node.position, one.T_forward_camera[:3, 3])
+            assert np.allclose(node.wxyz, quaternion_wxyz(one.T_forward_camera[:3, :3]))
+            assert one.photo is None or np.array_equal(node.image, one.photo)
 
 
 def test_clouds_alone_have_no_switch_for_them():

@@ -10,12 +10,14 @@ from pseudolidar.pipelines.convert import Convert, ConvertFrame, opened
 
 from pseudolidar.evaluation.compared import against_scan
 from pseudolidar.evaluation.comparison.error_cloud import (
+    DIMMED,
     TOO_NEAR,
     at_pixels,
     error_cloud,
     error_colours,
     errors_m,
 )
+from pseudolidar.geometry.grey import rgb_of
 from pseudolidar.running.products.converted import Converted
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.frame import StereoFrame
@@ -76,9 +78,15 @@ def test_errors_at_the_pixels_of_a_scan_are_drawn_where_there_is_no_truth(conver
     relative = at_pixels(compared, errors_m(compared) / compared.reference_m)
     alone = np.isfinite(relative)
     beside = alone[:-1, 1:] | alone[1:, :-1] | alone[:-1, :-1]
+    dots = alone.copy()
+    dots[1:, 1:] |= beside
     alone[1:, 1:] &= ~beside
     assert alone.sum() > 1000
     assert np.array_equal(drawn[alone], error_colours(relative[alone]))
+    # Dots are two pixels wide; beside them is the photo, darker.
+    dimmed = (DIMMED * rgb_of(scanned.frame.left)).astype(np.uint8)
+    assert np.mean((drawn != dimmed).any(axis=2)[dots]) > 0.99
+    assert np.array_equal(drawn[1:, 1:][~dots[1:, 1:]], dimmed[1:, 1:][~dots[1:, 1:]])
     # What is 20 % too near everywhere is blue.
     disparity = replace(scanned.disparity, values=scanned.disparity.values * 1.2)
     blue = kinds(scanned)["error"](replace(scanned, disparity=disparity))[alone]

@@ -14,6 +14,7 @@ from pseudolidar.formats.checksum import crc32
 from pseudolidar.formats.points.ply import write_ply
 from pseudolidar.geometry.octree import NODE
 from pseudolidar.structures.cloud import PointCloud
+from pseudolidar.viewer.inventory import inventory
 from pseudolidar.viewer.large import StillClouds
 from pseudolidar.viewer.octree import stored
 from pseudolidar.viewer.octree.build import built
@@ -383,6 +384,12 @@ def test_what_goes_into_one_file_keeps_all_but_fine_points(tree: Octree):
     assert (whole.reels, whole.objects, whole.stills[1]) == (opened.reels, {"000000": ()}, path)
     assert isinstance(whole.stills[0], StillCloud)
     assert len(whole.stills[0].cloud) == COUNT
+    told = inventory(opened)
+    assert told[0] == {"name": "", "kind": "sequence", "frames": 1, "with_objects": 0}
+    assert told[1:] == [
+        {"name": "a", "kind": "cloud", "points": COUNT},
+        {"name": "path", "kind": "path", "poses": 2, "length_m": 0.0},
+    ]
 
 
 def test_files_of_one_name_are_told_apart(tmp_path: Path):

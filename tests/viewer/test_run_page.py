@@ -130,11 +130,13 @@ def test_a_mesh_is_laid_down_and_one_that_cannot_be_drawn_ends_nothing(
     app, kept, torn = onlooker._app, tmp_path / "mesh.ply", tmp_path / "torn.ply"
     kept.write_bytes(ENCODERS["ply"](roof()))
     torn.write_bytes(kept.read_bytes()[:-5])
-    for path in (torn, None, kept):
+    other = tmp_path / "other.ply"
+    other.write_bytes(kept.read_bytes())
+    for path in (torn, None, other, kept):
         onlooker.lay_mesh(path)
     until(lambda: "mesh" in app.scene._folders)
     until(lambda: "mesh" in app.meshes._surfaces)
-    assert set(app.meshes.points) == {"mesh"}
+    assert set(app.meshes.points) == {"mesh", "other"}
     assert app.scene._surfaces.visible
     assert "torn.ply is not shown" in caplog.text
 

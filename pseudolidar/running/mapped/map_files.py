@@ -31,7 +31,7 @@ class Made:
         figures: of the map.
         shown: points of the map, all or evenly chosen; None of a map without any.
         grid: flat map for robots; None where none was made.
-        mesh: its file; None where none was made.
+        mesh: one of the mesh's files, to be shown; None where none was made.
     """
 
     files: tuple[Path, ...] = ()

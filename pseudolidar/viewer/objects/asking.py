@@ -88,7 +88,8 @@ class Asked:
     Args:
         detector: the one of the command line, which may name files.
         corridor: the one of the command line.
-        placed: a loaded detector as it suits the frames that are shown: boxes by their ids.
+        placed: fits a loaded detector to the frames that are shown, such as boxes that somebody
+            drew to their ids.
     """
 
     detector: AnyDetector | None = None
@@ -102,7 +103,11 @@ class Asked:
         return OF_RUN if of_run else NONE
 
     def loaded(self, detector: AnyDetector) -> Detector:
-        """A detector with everything heavy loaded. Raises what its settings raise."""
+        """The detector of some settings, with everything heavy loaded.
+
+        Raises:
+            PseudolidarError: a file of the settings is absent, or is no such file.
+        """
         return self.placed(detector.load())
 
     def wish(self, *, of_run: bool) -> Wish:

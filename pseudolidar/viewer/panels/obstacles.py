@@ -280,7 +280,11 @@ class ObstaclesPanel:
         self._again()
 
     def follow(self, key: str) -> None:
-        """Choose one as `choose`, and hold it; the one that is chosen already is none any more."""
+        """Choose an object and hold it in place; one that is chosen already is let go.
+
+        Args:
+            key: of the object; a key that nothing has chooses none.
+        """
         if key == self.scene.chosen:
             key = ""
         elif not self._follow.value and key in {one.key for one in self.scene.objects}:

@@ -33,8 +33,8 @@ def recorded(path: Path, *, clouds: int = 0) -> Path:
             writer.write(
                 "/robot/odom", pose("odom", float("nan") if index == 3 else index), time_ns
             )
-            if index < 4:
-                writer.write("/wheels", pose("odom", -index), time_ns)
+            # A filter begins anew in another frame: its poses do not go on with those before.
+            writer.write("/wheels", pose("odom" if index < 4 else "map", -index), time_ns)
             if index < 2:
                 writer.write("/amcl", pose("map", 100.0), time_ns)
             if index < clouds:
