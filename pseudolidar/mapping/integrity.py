@@ -20,9 +20,8 @@ from pseudolidar.structures.arrays import Float64
 
 # How far predictions may be off: one standard deviation, m and rad.
 PREDICTED_M, PREDICTED_RAD = 0.3, 0.03
-# Disagreement of pictures by a wrong step over that by the right one. Measured by
-# tests/benchmarks/integrity.py, 2026-11: 1.9 and
-# more by 66 wrong steps; right ones measured beside stay below 1.1.
+# Disagreement of pictures by a wrong step over that by the right one: 1.9 and more by 66 wrong
+# steps; right ones measured beside stay below 1.1 (tests/benchmarks/integrity.py, 2026-11).
 WORSE = 1.4
 # The map may speak against the other step by so much of its score; where pictures show nothing it
 # must speak for it by so much.
@@ -36,7 +35,8 @@ class StepCheck:
     """What witnesses say of a step.
 
     Args:
-        asked: who was asked; `none` where the step is as predicted, or nothing was predicted.
+        asked: who was asked; `none` where the step is as predicted, or nothing was predicted;
+            `scans` where the frame's scan overruled it.
         wrong: whether the step is not true.
         T_from_to: (4, 4) the step to go on with.
         apart_m: how far the other step is from vision's.

@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pseudolidar.geometry.twists import exp_twist, inverted
+from pseudolidar.geometry.tracking import MatchedPair
+from pseudolidar.geometry.twists import exp_twist, inverted, log_twist
 from pseudolidar.mapping.alignment import Prior
+from pseudolidar.mapping.keyframe import Keyframe, Sight
 from pseudolidar.mapping.odometry import Fused, Vision
+from pseudolidar.mapping.registration import registered
 from pseudolidar.mapping.scan_overrule import lying_elsewhere
 from pseudolidar.mapping.scan_witness import ScanPlanes, ScanWitness
 from tests.mapping.moving_board import Board, with_board
@@ -93,6 +96,16 @@ def test_vision_goes_on_through_the_street_beside_a_bus(street, kind, begin):
     told, _ = followed(Vision(), frames)
     assert street.error_rel(told[-1].state) < 0.01
     assert told[-1].state.inliers < 150  # the street's; the board has 270
+
+
+@pytest.mark.parametrize("guess", [None, np.eye(4)])
+def test_a_guess_that_leads_to_the_bus_does_not_hide_the_street(street, guess):
+    first, second = with_board(street.frames[:2], "still", 0.45, begin=0)
+    key = Keyframe.of(Sight(0, MatchedPair.of(first, first.truth)), street.rig)
+    sight = Sight(1, MatchedPair.of(second, second.truth))
+    found = registered(key, sight, street.rig, guess, None)
+    error = log_twist(found.T_to_from @ inverted(street.T_odom[0]) @ street.T_odom[1])
+    assert np.linalg.norm(error) < 0.02
 
 
 def test_who_sets_off_behind_a_car_goes_with_the_street():

@@ -8,6 +8,7 @@ import pytest
 from pseudolidar.geometry.pnp import RelativePose
 from pseudolidar.geometry.tracking import Seeds
 from pseudolidar.geometry.twists import exp_twist
+from pseudolidar.mapping.registration import LEAST_SECOND, _another
 from pseudolidar.mapping.second_motion import (
     CELL_PX,
     Expected,
@@ -100,6 +101,16 @@ def test_corners_are_left_that_agree_with_no_motion():
     doubted = motion(uv[3:], 10.0, weight=0.4)
     np.testing.assert_array_equal(left_over(seeds, [one, other, doubted]).uv, uv[3:])
     assert len(left_over(seeds, [])) == 4
+
+
+def test_another_motion_has_enough_points_and_is_none_of_those_known():
+    uv = grid(LEAST_SECOND, 1, step_px=10)
+    one, far = motion(uv, 10.0), motion(uv, 10.0, forward_m=0.5)
+    assert _another(one, []) == [one]
+    assert _another(motion(uv[1:], 10.0), []) == []
+    assert _another(far, [one]) == [far]
+    assert _another(motion(uv, 20.0, forward_m=0.5), [one, far]) == []
+    assert _another(None, [one]) == []
 
 
 def test_a_motion_that_no_point_agrees_with_is_told_as_it_is():
