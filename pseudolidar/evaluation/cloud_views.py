@@ -17,6 +17,8 @@ OUTSIDE = 0.002
 # Nothing nearer to the eye is drawn, m.
 NEAREST_M = 0.5
 UNCOLOURED = 200
+# A way that is drawn from above: its colour, its width, and how far the view goes beyond it, m.
+WAY_RGB, WAY_PX, WAY_MARGIN_M = (255, 140, 0), 3, 0.5
 
 
 @dataclass(frozen=True)
@@ -73,15 +75,32 @@ def perspective(
 
 
 def from_above(
-    cloud: PointCloud, *, point_m: float, width_px: int = 1200, tallest_px: int = 1200
+    cloud: PointCloud,
+    *,
+    point_m: float,
+    gap_m: float = 0.0,
+    way: Float64 | None = None,
+    width_px: int = 1200,
+    tallest_px: int = 1200,
 ) -> tuple[UInt8, float]:
     """(H, W, 3) RGB of a cloud from above, x to the right, the highest point in front.
+
+    Args:
+        cloud: z up.
+        point_m: side of a point.
+        gap_m: gaps between points that are no wider are filled with what is beside them.
+        way: (N, 2) places that are joined by a line, a dot at the first; all of them are in view.
+        width_px: of the picture at most.
+        tallest_px: of the picture at most.
 
     Returns:
         The picture, and m a pixel.
     """
     xy = cloud.xyz[:, :2]
     low, high = np.quantile(xy, (OUTSIDE, 1 - OUTSIDE), axis=0)
+    if way is not None:
+        low = np.minimum(low, way.min(axis=0) - WAY_MARGIN_M)
+        high = np.maximum(high, way.max(axis=0) + WAY_MARGIN_M)
     size_m = np.maximum(high - low, 1.0)
     per_px = float(max(size_m[0] / width_px, size_m[1] / tallest_px))
     width, height = (max(int(np.ceil(edge / per_px)), 1) for edge in size_m)
@@ -89,7 +108,22 @@ def from_above(
     every = np.arange(len(cloud))
     side = int(np.clip(np.ceil(point_m / per_px), 1, LARGEST_DOT_PX))
     dots = np.full(len(cloud), side, np.int64)
-    return _splatted(cloud, every, (u, v), cloud.xyz[:, 2], dots, (height, width)), per_px
+    filled = np.full(len(cloud), int(np.ceil(gap_m / per_px)), np.int64)
+    shape = (height, width)
+    picture = _splatted(cloud, every, (u, v), cloud.xyz[:, 2], dots, shape, beneath=filled)
+    if way is not None:
+        _draw_way(picture, np.stack([way[:, 0] - low[0], high[1] - way[:, 1]], axis=1) / per_px)
+    return picture, per_px
+
+
+def _draw_way(picture: UInt8, uv: Float64) -> None:
+    """A line along places (N, 2) px, and a dot at the first."""
+    import cv2
+
+    places = np.rint(uv).astype(np.int32)
+    cv2.polylines(picture, [places[:, None]], False, WAY_RGB, WAY_PX, cv2.LINE_AA)
+    begin = int(places[0, 0]), int(places[0, 1])
+    cv2.circle(picture, begin, 2 * WAY_PX, WAY_RGB, cv2.FILLED, cv2.LINE_AA)
 
 
 def _splatted(
@@ -99,13 +133,19 @@ def _splatted(
     nearness: Float64,
     dots: Int64,
     shape: tuple[int, int],
+    *,
+    beneath: Int64 | None = None,
 ) -> UInt8:
-    """Points as squares; what is nearer covers what is behind it."""
+    """Points as squares; what is nearer covers what is behind it, and what is `beneath` nothing."""
     from pseudolidar.evaluation.splat_kernel import splat
 
     picture = np.full((*shape, 3), NOTHING, np.uint8)
     rgb = np.full((len(cloud), 3), UNCOLOURED, np.uint8) if cloud.rgb is None else cloud.rgb
     front = np.full(shape, -np.inf)
     u, v, near = (np.ascontiguousarray(axis, np.float64) for axis in (*uv, nearness))
-    splat(picture, front, u, v, near, dots, np.ascontiguousarray(rgb[chosen]))
+    colours = np.ascontiguousarray(rgb[chosen])
+    if beneath is not None:
+        splat(picture, front, u, v, near, beneath, colours)
+        front[:] = -np.inf
+    splat(picture, front, u, v, near, dots, colours)
     return picture

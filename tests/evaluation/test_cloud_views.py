@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pseudolidar.evaluation.cloud_views import Eye, from_above, perspective
+from pseudolidar.evaluation.cloud_views import (
+    WAY_MARGIN_M,
+    WAY_RGB,
+    Eye,
+    from_above,
+    perspective,
+)
 from pseudolidar.evaluation.pictures import NOTHING
 from pseudolidar.evaluation.splat_kernel import splat
 from pseudolidar.structures.cloud import PointCloud
@@ -70,3 +76,31 @@ def test_the_kernel_draws_as_plain_python_does():
         if top + sides[i] > 0 and left + sides[i] > 0:
             plain[rows, columns] = rgb[i]
     assert np.array_equal(picture, plain)
+
+
+def test_gaps_between_points_from_above_are_filled_from_beneath():
+    places = [(0.0, 0.0, 0.0), (0.3, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.6, 0.1, 5.0)]
+    seen = cloud(places, [RED, BLUE, RED, BLUE, BLUE])
+    plain, per_px = from_above(seen, point_m=0.01, width_px=100)
+    filled, _ = from_above(seen, point_m=0.01, gap_m=0.3, width_px=100)
+    assert per_px == pytest.approx(0.01, rel=0.01)
+    assert [tuple(plain[-1, column]) == NOTHING for column in (0, 10, 20, 30)] == [0, 1, 1, 0]
+    row = [tuple(filled[-1, column]) for column in (0, 10, 20, 30, 80)]
+    assert row == [RED, RED, BLUE, BLUE, NOTHING]
+    # A square that fills covers no point: this one is of the highest.
+    near = cloud([*places, (0.1, 0.1, 9.0)], [RED, BLUE, RED, BLUE, BLUE, BLUE])
+    filled, _ = from_above(near, point_m=0.01, gap_m=0.3, width_px=100)
+    assert [tuple(filled[-1, column]) for column in (0, 10)] == [RED, BLUE]
+
+
+def test_a_way_is_in_view_and_begins_with_a_dot():
+    way = np.array([[-4.0, 0.0], [5.0, 0.0]])
+    seen = cloud([(0, -1, 0), (10, 1, 0)], [RED, RED])
+    picture, per_px = from_above(seen, point_m=0.05, way=way, width_px=150)
+    assert per_px == pytest.approx(14.5 / 150, rel=0.01)
+    orange = (picture == WAY_RGB).all(axis=2)
+    columns = np.flatnonzero(orange.any(axis=0)) * per_px - 4.0 - WAY_MARGIN_M
+    assert columns.min() == pytest.approx(-4.5, abs=0.25)
+    assert columns.max() == pytest.approx(5.0, abs=0.35)
+    tall = orange.sum(axis=0)
+    assert tall[int((WAY_MARGIN_M) / per_px)] > 2 * np.median(tall[tall > 0])

@@ -16,6 +16,9 @@ from pseudolidar.structures.cloud import PointCloud
 
 # Points of a map are drawn as large as this, m.
 POINT_M = 0.06
+# Rows of pixels meet a road so far apart at most where a map has it, m: from above, gaps between
+# them would hide what is there.
+GAP_M = 0.2
 # The eye is so far behind and above a place on the path, and looks so far ahead of it, m.
 BEHIND_M, ABOVE_M, AHEAD_M = 1.0, 2.5, 14.0
 # Places on the path that are looked from, as shares of its frames.
@@ -34,9 +37,10 @@ def map_sections(
     """
     if whole is None:
         return []
-    above, per_px = from_above(whole, point_m=POINT_M)
-    rows = [PictureRow((Picture.photo(above, f"from above; {1 / per_px:.1f} px a metre"),))]
     path = body_poses_of(pieces[0], rig)
+    above, per_px = from_above(whole, point_m=POINT_M, gap_m=GAP_M, way=path[:, :2, 3])
+    told = f"from above, {1 / per_px:.1f} px a metre; orange: the way, from the dot on"
+    rows = [PictureRow((Picture.photo(above, told),))]
     views = tuple(
         Picture.photo(perspective(whole, eye_at(path, share), point_m=POINT_M), caption)
         for share, caption in zip(PLACES, ("along the path", "farther along"), strict=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from pseudolidar.evaluation.comparison.plots.style import BLUE, GREEN, VERMILLION, new_figure
 from pseudolidar.evaluation.page import Picture, PictureRow
-from pseudolidar.evaluation.trajectory.judge import TrajectoryErrors
+from pseudolidar.evaluation.trajectory.judge import OPEN_TURN_DEG, TrajectoryErrors
 from pseudolidar.evaluation.trajectory.plots import above_plot, along_plot, plane_of, thinned
 from pseudolidar.formats.trajectory_file import KITTI_VERTICAL
 from pseudolidar.running.mapped.walked import Piece, Placed
@@ -48,9 +48,18 @@ def path_plots(report: MapReport) -> list[PictureRow]:
     alt = "The path from above beside the reference."
     pictures = (
         Picture.plot(above, told, alt=alt),
-        Picture.plot(along, "errors along the path, aligned"),
+        Picture.plot(along, f"errors along the path, aligned{_unsure(errors)}"),
     )
     return [PictureRow(pictures)]
+
+
+def _unsure(errors: TrajectoryErrors) -> str:
+    """That rotations mean little, where the path is nearly straight."""
+    sigma_deg = errors.turn_sigma_deg
+    if sigma_deg is not None and sigma_deg <= OPEN_TURN_DEG:
+        return ""
+    how = "open" if sigma_deg is None else f"held to {sigma_deg:.1f} deg"
+    return f": positions leave the turn about a straight path {how}, and rotations are no surer"
 
 
 def _laid_beside(errors: TrajectoryErrors, piece: Piece) -> tuple[Float64, Float64]:

@@ -10,11 +10,15 @@ from typing import Any
 import numpy as np
 
 from pseudolidar.errors import ALL_DONE
-from pseudolidar.evaluation.trajectory.judge import Alignment, RelativeErrors, TrajectoryErrors
+from pseudolidar.evaluation.trajectory.judge import (
+    OPEN_TURN_DEG,
+    Alignment,
+    RelativeErrors,
+    TrajectoryErrors,
+)
 from pseudolidar.evaluation.trajectory.statistics import ErrorStatistics, statistics_dict
 from pseudolidar.formats.timestamps import NS_PER_S
 from pseudolidar.formats.trajectory_file import PoseRecord
-from pseudolidar.geometry.similarity import turn_sigma_rad
 from pseudolidar.running.reports.numbers import counted, percent
 from pseudolidar.running.table import table_text
 from pseudolidar.structures.arrays import Float64
@@ -30,9 +34,6 @@ PAIRED = {
     "interpolate": "paired by time, interpolated",
     "index": "paired by their place in the files",
 }
-# Turns about the path that positions leave less sure than this are told: rotations of odometry are
-# off by about a degree on KITTI 00.
-OPEN_TURN_DEG = 2.0
 OPEN_TURN = "the path is a straight line: a turn about it is open, and rotations mean little"
 NEARLY_OPEN = (
     "the path is nearly straight: positions leave a turn of {:.1f} deg about it open, "
@@ -84,10 +85,7 @@ class TrajectoryReport:
     @property
     def turn_sigma_deg(self) -> float | None:
         """One standard deviation of the turn about the path; None where open, or not fitted."""
-        if not self.fitted or not self.errors.alignment.determined:
-            return None
-        places, right = self.errors.aligned[:, :3, 3], self.errors.reference[:, :3, 3]
-        return float(np.degrees(turn_sigma_rad(places, right)))
+        return self.errors.turn_sigma_deg if self.fitted else None
 
     @property
     def turn_is_open(self) -> bool:

@@ -44,6 +44,17 @@ def test_the_world_of_the_truth_does_not_matter():
     assert np.allclose(one.poses[1:], other.poses[1:])
 
 
+def test_a_step_that_no_doubt_came_with_is_not_asked():
+    """Its covariance is a difference that cancels in a direction, but for rounding."""
+    own, covariance, true = walk(40, times_sigma=1.0)
+    turned, _ = np.linalg.qr(np.random.default_rng(2).normal(size=(6, 6)))
+    less = (turned * np.concatenate([[-1e-6], SIGMA[1:] ** 2])) @ turned.T
+    for i in range(1, len(own)):
+        back = adjoint(inverted(inverted(own[i - 1]) @ own[i]))
+        covariance[i] = back @ covariance[i - 1] @ back.T + less
+    assert np.isnan(consistency_of(own, covariance, true).steps).all()
+
+
 def test_what_is_surely_right_is_not_asked():
     T = np.stack([np.eye(4), STEP])
     told = consistency_of(T, np.zeros((2, 6, 6)), T)
