@@ -11,7 +11,7 @@ PIP := -m pip install --disable-pip-version-check --quiet
 # Where bytecode is not kept, every process that a test starts would compile the package again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help demo test lint format bench soak longest fuzz wheel-check lowest hooks clean
+.PHONY: help demo test lint format bench bench-map soak longest fuzz wheel-check lowest hooks clean
 
 help:
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:.*## /\t/' | expand -t 14
@@ -66,6 +66,14 @@ bench: $(VENV)/installed-dev ## print benchmark ratios
 	$(BIN)/python -m tests.benchmarks.matchers
 	$(BIN)/python -m tests.benchmarks.conversion
 	$(BIN)/python -m tests.benchmarks.tracks 5
+
+# What the map wants of the real data, and of rendered worlds. All of them run; one that is not as
+# wanted names its row and ends with 1. `block` renders for 11 minutes, and goes round six times.
+MAP_DATA ?= $(or $(PSEUDOLIDAR_DATA),../shared/data)
+bench-map: $(VENV)/installed-dev ## judge the benchmarks of the map (an hour)
+	@missed=; for one in "odometry" "integrity $(MAP_DATA)" "loops $(MAP_DATA)" crisp meshes block; do \
+		echo "--- $$one"; $(BIN)/python -m tests.benchmarks.$$one || missed="$$missed $${one%% *}"; done; \
+	test -z "$$missed" || { echo "not as wanted:$$missed"; exit 1; }
 
 soak: $(VENV)/browser ## long tests
 	$(BIN)/python -m pytest -m "slow and not longest"

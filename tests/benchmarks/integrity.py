@@ -3,7 +3,8 @@
     python -m tests.benchmarks.integrity [DATA]
 
 On KITTI odometry 06, drive 0002 and rendered worlds; steps are halved, 1.3 times too long, or
-turned by 1.5 degrees. Vision and matching run once for each sequence.
+turned by 1.5 degrees. Vision and matching run once for each sequence. What is not caught as often
+as is wanted, false alarms, and fused paths worse than vision's are named, and end it with 1.
 """
 
 import os
@@ -24,10 +25,16 @@ from pseudolidar.sources.kitti.odometry import KittiOdometry
 from pseudolidar.sources.kitti.raw import KittiRaw
 from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.stereo.census import Census
+from tests.benchmarks.judging import Figure, end
 
 EVERY = 8
 TURN = exp_twist(np.radians([0.0, 0.0, 0.0, 0.0, 1.5, 0.0]))
 WORLDS = ("street", 3), ("street", 5), ("room", 0), ("flight", 0), ("flight", 2)
+
+# What is wanted: shares that are caught at least, of how many in all; how much worse fused may be
+# than vision where nothing was made wrong.
+CAUGHT = {"halved": 0.8, "x1.3": 0.9, "yaw": 0.9}
+INJECTED, WORSE_REL = 50, 0.001
 
 
 def longer(factor):
@@ -77,8 +84,9 @@ def chained(steps):
 
 
 def main(data):
-    """Print each run, and what was caught of all."""
+    """Print each run, and what was caught of all; exit with 1 where that is not as wanted."""
     made, caught, alarms, asked_ratio, wrong_ratio = Counter(), Counter(), 0, [], []
+    figures = []
     for name, source in sequences(data):
         frames = [source.load(i) for i in range(len(source.ids))]
         match = Census().load()
@@ -117,11 +125,21 @@ def main(data):
                 f"caught {len(wrong & faulty)} of {len(faulty)}; {ms:.0f} ms beside vision",
                 flush=True,
             )
+            if kind == "none":
+                row = f"{name}: fused worse than vision by"
+                figures.append(Figure(row, errors[1] - errors[0], WORSE_REL))
     for kind in FAULTS:
         if made[kind]:
             print(f"{kind}: {caught[kind]} of {made[kind]} caught")
     print(f"false alarms: {alarms}; right steps that pictures were asked about: {len(asked_ratio)}")
     print(f"disagreement by wrong steps over that by others: {min(wrong_ratio):.2f} at least")
+    figures += [
+        Figure(f"{kind}: caught", caught[kind] / made[kind], least, least=True, form="{:.0%}")
+        for kind, least in CAUGHT.items()
+    ]
+    figures.append(Figure("injections", made.total(), INJECTED, least=True, form="{:.0f}"))
+    figures.append(Figure("false alarms", alarms, 0, form="{:.0f}"))
+    end(figures)
 
 
 if __name__ == "__main__":

@@ -34,6 +34,7 @@ from pseudolidar.sources.worlds.world import Actor, Thing
 from pseudolidar.stereo.census import Census
 from pseudolidar.structures.box import Detection
 from pseudolidar.structures.obstacle import Obstacle
+from tests.benchmarks.judging import Figure, end
 
 SEEDS, WIDTH_M, THICK_M = 20, 0.13, 0.01
 # What is wanted: see `Row.wanted_m`; and of the width.
@@ -165,12 +166,21 @@ class Row:
         return float(np.median([across_m(one.box) for one in self.found]))
 
     @property
+    def figures(self) -> tuple[Figure, ...]:
+        """What is judged of it: errors of distance and width."""
+        at = f"target at {self.distance_m:g} m"
+        if not self.found:
+            return (Figure(f"{at}: rooms in which it is found", 0, 1, least=True, form="{:.0f}"),)
+        off_m = abs(self.width_m - WIDTH_M)
+        return (
+            Figure(f"{at}: error of distance", self.off_m, self.wanted_m, form="{:.3f} m"),
+            Figure(f"{at}: error of width", off_m, WIDTH_SHARE * WIDTH_M, form="{:.4f} m"),
+        )
+
+    @property
     def holds(self) -> bool:
         """Whether distance and width are as wanted."""
-        if not self.found:
-            return False
-        good_width = abs(self.width_m - WIDTH_M) <= WIDTH_SHARE * WIDTH_M
-        return self.off_m <= self.wanted_m and good_width
+        return all(one.holds for one in self.figures)
 
     def line(self) -> str:
         """As printed."""
@@ -213,7 +223,7 @@ def main() -> None:
     made = tables([measured_targets(seed, found_by) for seed in range(seeds)])
     for rows in made:
         print("\n".join([HEADER, *(row.line() for row in rows), ""]))
-    sys.exit(0 if all(row.holds for rows in made for row in rows) else 1)
+    end(one for rows in made for row in rows for one in row.figures)
 
 
 if __name__ == "__main__":
