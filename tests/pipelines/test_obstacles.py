@@ -279,6 +279,8 @@ def test_a_corridor_stops_a_robot(street, tmp_path, capsys) -> None:
     job = ("obstacles", street, str(tmp_path), "--detector", "none", "--corridor", "6x2x60")
     found = told(capsys, *job, "--near", "15")
     assert "labelled" not in found  # nobody looked for what is labelled
+    frames = json.loads((tmp_path / "report.json").read_text())["per_frame"]
+    assert not any("labelled_classes" in one for one in frames)
     nearest = found["corridor"]["nearest"]
     assert 2 < nearest["distance_m"] < 60
     rows = list(csv.DictReader((tmp_path / "corridor.csv").open()))

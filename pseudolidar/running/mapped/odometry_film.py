@@ -108,5 +108,5 @@ def checks_in_words(registered: Registered) -> str:
         return "goes on as before" if registered.state.status == "ok" else registered.state.status
     if check.wrong:
         apart = f"{check.apart_m:.2f} m and {np.degrees(check.apart_rad):.2f} deg"
-        return f"{check.asked} disagree with the step: another one is taken, {apart} from it"
-    return f"{check.asked} agree with the step"
+        return f"the step disagrees with the {check.asked}: another one is taken, {apart} from it"
+    return f"the step agrees with the {check.asked}"
