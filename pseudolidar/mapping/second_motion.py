@@ -19,12 +19,11 @@ from pseudolidar.geometry.twists import inverted, log_twist
 from pseudolidar.mapping.steps_apart import apart
 from pseudolidar.structures.arrays import Bool, Float64
 from pseudolidar.structures.camera import StereoRig
+from pseudolidar.structures.odometry import AGREES
 
 # What no camera does from one frame to the next: a car on dry asphalt brakes with 10 m/s2; the car
 # of KITTI 00 turns by 0.33 rad/s2 (one standard deviation, `steadiness.py`), hands by far more.
 MOST_M_S2, MOST_RAD_S2 = 10.0, 10.0
-# A point agrees with a motion if it has this weight, of 0 to 1.
-AGREES = 0.5
 # Side of cells in which points are counted, px, so that what has much texture has no more say than
 # what has little; a cell says something with so many points.
 CELL_PX, LEAST_IN_CELL = 54, 2

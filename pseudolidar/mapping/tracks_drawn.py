@@ -7,7 +7,7 @@ import numpy as np
 from pseudolidar.geometry.grey import grey8_of
 from pseudolidar.structures.arrays import Float64, UInt8
 from pseudolidar.structures.frame import StereoFrame
-from pseudolidar.structures.odometry import OdometryState
+from pseudolidar.structures.odometry import AGREES, OdometryState
 
 # Points that do not agree with the motion, and those that do, RGB: apart also for those who see
 # no difference between red and green.
@@ -32,7 +32,7 @@ def tracks_drawn(frame: StereoFrame, state: OdometryState) -> UInt8:
     grey = (grey8_of(frame.left) * DARKENED).astype(np.uint8)
     picture = np.ascontiguousarray(np.repeat(grey[:, :, None], 3, axis=2))
     if state.tracks is not None:
-        for which in (state.weights < 0.5, state.weights >= 0.5):  # those that agree on top
+        for which in (state.weights < AGREES, state.weights >= AGREES):  # those that agree on top
             _draw_ways(
                 picture,
                 state.tracks.uv_from[which],

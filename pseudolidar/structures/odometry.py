@@ -17,6 +17,8 @@ from pseudolidar.structures.pose import Pose
 OdometryStatus = Literal["first", "ok", "extrapolated", "lost"]
 # Of frames of which something was seen of how they moved, or that a piece of path begins at.
 MEASURED: tuple[OdometryStatus, ...] = ("first", "ok")
+# A point that was followed agrees with a motion if it has this weight, of 0 to 1.
+AGREES = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,5 +134,5 @@ class OdometryState:
 
     @property
     def inliers(self) -> int:
-        """How many of them agree with the step: weight of a half or more."""
-        return int((self.weights >= 0.5).sum())
+        """How many of them agree with the step."""
+        return int((self.weights >= AGREES).sum())
