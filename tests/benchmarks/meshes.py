@@ -3,9 +3,9 @@
     python -m tests.benchmarks.meshes [--frames 12]
 
 Each world twice: with exact disparities, and with those of the matcher; poses are exact. Depths
-count by their sigma; `alike` takes the same pixels
-with one sigma for all, their median. What is less accurate or complete than is wanted here (no
-issue names figures of meshes) is named, and ends it with 1.
+count by their sigma; `alike` takes the same pixels with one sigma for all, their median. What is
+less accurate or complete than is wanted here (no issue names figures of meshes; they are for 8
+frames and more) is named, and ends it with 1.
 """
 
 from __future__ import annotations

@@ -86,6 +86,22 @@ def test_movable_things_are_forgotten():
     assert (fused.counts[:, 105:] == 2).all()
 
 
+@pytest.mark.parametrize(("missed", "kept"), [(2, False), (3, True)])
+def test_what_is_masked_but_for_two_frames_leaves_no_point(missed: int, kept: bool):
+    """A detector that misses a thing now and then needs no track that coasts."""
+    masked = np.zeros((120, 200), np.bool_)
+    masked[40:80, 60:140] = True
+    rgb, fusion = np.zeros((120, 200, 3), np.uint8), TemporalFusion().start()
+    on_it = []
+    for number in range(9):
+        found = number < 3 or number >= 3 + missed
+        fused = fusion.add(wall(10), RIG, np.eye(4), movable=masked if found else None)
+        xyz = MapPoints(sigma=1.0).of(fused, rgb).xyz
+        column, row = np.rint(xyz[:, :2] / xyz[:, 2:] * 150 + (99.5, 59.5)).astype(int).T
+        on_it.append(int(masked[row, column].sum()))
+    assert (sum(on_it) > 0) is kept
+
+
 def test_points_of_a_wall_look_at_the_camera():
     fusion = TemporalFusion().start()
     for _ in range(4):
