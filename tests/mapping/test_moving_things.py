@@ -12,7 +12,7 @@ from pseudolidar.mapping.keyframe import Keyframe, Sight
 from pseudolidar.mapping.odometry import Fused, Vision
 from pseudolidar.mapping.registration import registered
 from pseudolidar.mapping.scan_overrule import lying_elsewhere
-from pseudolidar.mapping.scan_witness import ScanPlanes, ScanWitness
+from pseudolidar.mapping.scan_witness import ScanPlanes, ScanWitness, scan_points
 from tests.mapping.moving_board import Board, with_board
 from tests.mapping.worlds import Drive
 
@@ -47,7 +47,10 @@ def test_scans_overrule_vision_that_goes_with_a_bus(street, begin, end):
 
 @pytest.fixture(scope="module")
 def planes(street):
-    return [ScanPlanes.of(frame.scan, street.rig.T_left_velodyne) for frame in street.frames]
+    return [
+        ScanPlanes.of(scan_points(frame.scan), street.rig.T_left_velodyne)
+        for frame in street.frames
+    ]
 
 
 def elsewhere(street, planes, number, step, *, known, T_guess, by_vision="near"):
