@@ -81,7 +81,7 @@ class FusedChain:
         Raises:
             SequenceTime: the frame is not later than the one before.
         """
-        state, scan = self._visual.register(frame, disparity, movable), self._scan_of(frame)
+        state, scan = self._visual.register(frame, disparity, movable), self._counted_scan(frame)
         if not state.measured:
             return self._by_scan(state, frame.timestamp_ns, scan) or self._lose(state)
         rig = self._rig.with_correction(self._visual.correction)
@@ -94,7 +94,8 @@ class FusedChain:
     def _path(self) -> FusedPath:
         return self._pieces[-1]
 
-    def _scan_of(self, frame: StereoFrame) -> ScanPlanes | None:
+    def _counted_scan(self, frame: StereoFrame) -> ScanPlanes | None:
+        """The planes of a frame's scan, and what is odd about it counted."""
         T_left_lidar = self._rig.T_left_velodyne
         if frame.scan is None or T_left_lidar is None:
             return None
