@@ -93,7 +93,7 @@ def test_the_page_shows_the_path_and_the_map(mapped: Path):
     for heading in ("The map", "Where a robot can go", "The path", "Drift", *doubts):
         assert f"<h2>{heading}</h2>" in page
     assert page.count("<img") >= 9
-    assert "turn about a straight path" in page
+    assert "positions hold the turn about a path that is nearly straight" in page
 
 
 def test_the_recording_has_the_way_and_what_came_into_view(mapped: Path):

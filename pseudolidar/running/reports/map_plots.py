@@ -13,6 +13,7 @@ from pseudolidar.evaluation.trajectory.judge import OPEN_TURN_DEG, TrajectoryErr
 from pseudolidar.evaluation.trajectory.plots import above_plot, along_plot, plane_of, thinned
 from pseudolidar.formats.trajectory_file import KITTI_VERTICAL
 from pseudolidar.running.mapped.walked import Piece, Placed
+from pseudolidar.running.pose_reading import BODY_VERTICAL
 from pseudolidar.running.reports.map_report import MapReport
 from pseudolidar.structures.arrays import Float64
 
@@ -39,8 +40,8 @@ def path_plots(report: MapReport) -> list[PictureRow]:
             PictureRow((Picture.plot(_alone(report.pieces), "from above; each piece by itself"),))
         ]
     errors = report.errors
-    above, along = above_plot(errors, None), along_plot(errors)
-    across, ahead, _ = plane_of(errors.reference, None)
+    above, along = above_plot(errors, BODY_VERTICAL), along_plot(errors)
+    across, ahead, _ = plane_of(errors.reference, BODY_VERTICAL)
     guessed, errors_m = _laid_beside(errors, report.pieces[0])
     mark_guessed(above.axes[0], guessed[:, (across, ahead), 3])
     mark_guessed(along.axes[0], errors_m)
@@ -58,8 +59,12 @@ def _unsure(errors: TrajectoryErrors) -> str:
     sigma_deg = errors.turn_sigma_deg
     if sigma_deg is not None and sigma_deg <= OPEN_TURN_DEG:
         return ""
-    how = "open" if sigma_deg is None else f"held to {sigma_deg:.1f} deg"
-    return f": positions leave the turn about a straight path {how}, and rotations are no surer"
+    if sigma_deg is None:
+        return ": positions leave the turn about a straight path open, and rotations mean little"
+    return (
+        f": positions hold the turn about a path that is nearly straight to {sigma_deg:.1f} deg, "
+        "and rotations are no surer"
+    )
 
 
 def _laid_beside(errors: TrajectoryErrors, piece: Piece) -> tuple[Float64, Float64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 from dataclasses import replace
 from types import SimpleNamespace
@@ -16,6 +17,7 @@ from pseudolidar.running.journal.record import FrameRecord
 from pseudolidar.running.mapped.frame_table import write_frame_table
 from pseudolidar.running.mapped.glimpse import Glimpse
 from pseudolidar.running.mapped.walk import Walk
+from pseudolidar.running.reports.map_plots import path_plots
 from pseudolidar.running.reports.map_report import MapReport, errors_of
 from pseudolidar.structures.box import Detection
 from pseudolidar.structures.pose import Pose
@@ -95,6 +97,20 @@ def test_a_path_that_ends_is_told_by_the_exit_status():
         assert not any(one.lost for one in path.placed)
         codes.append(MapReport(result, None, path, None, None).exit_code)
     assert codes == [ALL_DONE, ALL_DONE, SOME_SKIPPED]
+
+
+def test_from_above_is_from_above_where_the_way_climbs():
+    def truth(i: int, frame: Any) -> Any:
+        T = np.eye(4)
+        T[:3, 3] = (0.8 * i, 0.01 * i, 0.2 * i)  # farther up than sideways
+        return replace(frame, pose=Pose("map", "base_link", T))
+
+    path = walked("fooooo", truth=truth).walked()
+    report = MapReport(SimpleNamespace(), None, path, errors_of(path.pieces), None)
+    ((above, _),) = (row.pictures for row in path_plots(report))
+    drawn = base64.b64decode(above.uri.partition(",")[2]).decode()
+    assert "<!-- x, m -->" in drawn
+    assert "<!-- y, m -->" in drawn
 
 
 def test_odd_scans_are_told_in_a_line():
