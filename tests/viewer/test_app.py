@@ -28,7 +28,7 @@ from pseudolidar.viewer.means import Means
 from pseudolidar.viewer.opening import Opened
 from pseudolidar.viewer.reel import SourceReel
 from tests.viewer.clients import wait_until
-from tests.viewer.seen import pixels_of, screenshot
+from tests.viewer.seen import page_within, pixels_of, screenshot
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +55,7 @@ def opened_page(app: App, browser: Browser) -> Iterator[Page]:
 
 
 def pictures(page: Page) -> InnerPage:
-    page.wait_for_selector("iframe")
-    (inner,) = [frame for frame in page.frames if frame.url.endswith("/picture")]
+    inner = page_within(page, "Pictures")
     inner.wait_for_selector("nav button")
     return inner
 
@@ -263,9 +262,7 @@ def test_shown_clouds_are_taken_away(app: App, opened_page: Page, tmp_path: Path
 
 def objects_page(page: Page) -> InnerPage:
     page.get_by_role("tab", name="Obstacles").click()
-    page.wait_for_selector('iframe[title="Obstacles"]')
-    (inner,) = [frame for frame in page.frames if frame.url.endswith("/obstacles")]
-    return inner
+    return page_within(page, "Obstacles")
 
 
 def labels_page(app: App, page: Page) -> InnerPage:

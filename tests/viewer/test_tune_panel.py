@@ -19,7 +19,7 @@ from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.means import Means
 from pseudolidar.viewer.opening import Opened
-from tests.viewer.seen import screenshot
+from tests.viewer.seen import page_within, screenshot
 
 SOURCE = Synthetic("street", frames=2, width_px=400)
 
@@ -89,8 +89,7 @@ def test_undo_takes_the_controls_back(app: App, opened_page: Page):
 def test_a_click_on_a_thing_tells_its_width_and_distance(app: App, opened_page: Page):
     opened_page.get_by_text("Colour detector").click()
     opened_page.get_by_label("Pick by a click").check()
-    opened_page.wait_for_selector("iframe")
-    (inner,) = [frame for frame in opened_page.frames if frame.url.endswith("/picture")]
+    inner = page_within(opened_page, "Pictures")
     sides = inner.wait_for_selector("#picture").bounding_box()
     assert sides is not None
     x, y = coloured_place(app)
