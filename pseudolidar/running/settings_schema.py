@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import MISSING, dataclass
 from typing import Annotated, Any, TypeGuard, Union, get_args, get_origin, get_type_hints
 
@@ -89,8 +89,21 @@ def described(settings: Any) -> str:
     first, *others = settings_fields(type(settings))
     chosen = [field for field in others if getattr(settings, field.name) != field.default]
     values = [(field.flag, getattr(settings, field.name)) for field in (first, *chosen)]
-    named = ", ".join(f"{flag} {value}" for flag, value in values if value is not None)
+    named = ", ".join(
+        f"{flag} {value}" for part in values for flag, value in _told(*part) if value is not None
+    )
     return choice_name(type(settings)) + (f" ({named})" if named else "")
+
+
+def _told(flag: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """A setting as it is named; of one that has settings itself those that are not the default."""
+    if not is_settings(type(value)):
+        yield flag, value
+        return
+    for field in settings_fields(type(value)):
+        inner = getattr(value, field.name)
+        if inner != field.default:
+            yield from _told(f"{flag}.{field.flag}", inner)
 
 
 def union_members(kind: Any) -> tuple[Any, ...]:

@@ -12,6 +12,8 @@ from typing import Annotated, Any, Literal, Self
 import pytest
 
 from pseudolidar.errors import UsageError
+from pseudolidar.mapping.odometry import Fused
+from pseudolidar.mapping.visual_odometry import VisualOdometry
 from pseudolidar.running.field_markers import POSITIONAL, RUN_ONLY, Recognised
 from pseudolidar.running.settings_json import (
     from_json,
@@ -19,6 +21,8 @@ from pseudolidar.running.settings_json import (
     settings_differences,
     to_json,
 )
+from pseudolidar.running.settings_schema import described
+from pseudolidar.stereo.sgbm import Sgbm
 
 
 class Colour(enum.Enum):
@@ -163,3 +167,9 @@ def test_differences_give_dotted_names_and_both_values() -> None:
     now = replace(PLAIN, matcher=Census("fine"), workers=3)
     found = settings_differences(to_json(PLAIN), to_json(now))
     assert found == [("matcher.quality", "fast", "fine"), ("workers", 2, 3)]
+
+
+def test_for_people_only_what_was_chosen_is_named():
+    assert described(Fused()) == "fused"
+    assert described(Fused(VisualOdometry(reach=2))) == "fused (visual.reach 2)"
+    assert described(Sgbm()).startswith("sgbm (")
