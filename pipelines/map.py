@@ -305,7 +305,8 @@ def rehearsed(job: Map, source: FrameSource, match_once: MatchOnce) -> MapRehear
         rig = source.rig.with_correction(walk.correction or source.rig.correction)
         return mapped(replace(job, out=folder), source, pieces, rig, recording)
 
-    besides = ("closing loops", REPORT_NAME, *((ODOMETRY_FILM,) if job.debug_video else ()))
+    loops = () if job.loops is None else ("closing loops",)
+    besides = (*loops, REPORT_NAME, *((ODOMETRY_FILM,) if job.debug_video else ()))
     return rehearse_map(
         source, match_once, walk, make, folder=job.out, crew=job.crew, besides=besides
     ).checked()

@@ -6,7 +6,7 @@ import os
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 from typing import Any, Self
@@ -28,6 +28,7 @@ from pseudolidar.sources.source import FrameSource
 TRIED, LAST = 6, 2
 # The first frames load kernels: their times are of no other.
 WARMING = 2
+NONE_PASSED = "matching and odometry: no frame that was tried could be matched"
 NOT_PLACED = "the map: no frame that was tried could be placed"
 # Makes the outputs along pieces of path in a folder that holds the frames' disparities.
 Make = Callable[[Path, Sequence[Piece]], object]
@@ -61,7 +62,7 @@ class MapRehearsal:
     Args:
         whole: all of it that is estimated.
         matching_s: time of matching on all workers.
-        odometry_s: time of odometry, beside it.
+        odometry_s: time of odometry beside matching, loops looked for.
         map_s: time of the second pass; None where it could not be tried.
         work_bytes: that are there until the run is done.
         map_bytes: of its outputs, where all the way is on new ground; None where not tried.
@@ -96,7 +97,8 @@ class MapRehearsal:
             free_bytes(folder),
             folder,
         )
-        unknown = (*besides, *((NOT_PLACED,) if map_s is None else ()))
+        tried = () if trial.frames else (NONE_PASSED,)
+        unknown = (*besides, *tried, *((NOT_PLACED,) if map_s is None else ()))
         return cls(whole, matching_s, odometry_s, map_s, work_bytes, map_bytes, unknown)
 
     @property
@@ -131,9 +133,9 @@ class MapRehearsal:
             self.whole.text(),
             f"  matching: {self.matching_s:.0f} s; {self.work_bytes / MEGABYTE:.0f} MB until the "
             "run is done",
-            f"  odometry, loops looked for: {self.odometry_s:.0f} s, beside it",
+            f"  odometry: {self.odometry_s:.0f} s, beside matching",
         ]
-        if self.map_s is not None and self.map_bytes is not None:
+        if self.map_s is not None and self.map_bytes:  # none is wanted with --to none
             lines.append(
                 f"  the map along the path: {self.map_s:.0f} s, {self.map_bytes / MEGABYTE:.0f} MB "
                 "where all the way is new ground"
@@ -167,21 +169,28 @@ def rehearse_map(
         MemoryLimit, OutputError: the outputs of these few do not fit already.
     """
     with tempfile.TemporaryDirectory(prefix="pseudolidar-") as scratch:
-        trial = _tried(source, match_once, walk, make, Path(scratch))
+        alone = replace(crew, workers=1)
+        trial = _tried(source, match_once, walk, make, Path(scratch), crew=alone)
     return MapRehearsal.of(
         trial, frames=len(source.ids), workers=crew.count, folder=folder, besides=besides
     )
 
 
 def _tried(
-    source: FrameSource, match_once: MatchOnce, walk: Walk, make: Make, scratch: Path
+    source: FrameSource,
+    match_once: MatchOnce,
+    walk: Walk,
+    make: Make,
+    scratch: Path,
+    *,
+    crew: CrewPlan,
 ) -> Trial:
     begin = max(0, (len(source.ids) - TRIED) // 2)
     others = frozenset(source.ids) - frozenset(source.ids[begin : begin + TRIED])
     (scratch / WORK_FOLDER).mkdir()
     matching_s, odometry_s = list[float](), list[float]()
     early: tuple[Piece, ...] = ()
-    for frame in stream(source, match_once, crew=CrewPlan(1), skip=others):
+    for frame in stream(source, match_once, crew=crew, skip=others):
         if not isinstance(frame, Done):
             continue
         begun_s = time.thread_time()
@@ -194,13 +203,15 @@ def _tried(
     pieces = _pieces(walk)
     seconds, size = _made(make, scratch, pieces)
     count = len(odometry_s)
+    added = count - (TRIED - LAST) if early else 0
+    more = (size - before) / added if added else size / max(1, count)
     return Trial(
         count,
         _usual(matching_s),
         _usual(odometry_s),
         seconds / len(pieces[0].frames) if pieces else None,
         _bytes_below(scratch / WORK_FOLDER) / max(1, count),
-        (size, max(0.0, (size - before) / LAST)),
+        (size, max(0.0, more)),
     )
 
 
