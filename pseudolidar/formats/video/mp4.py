@@ -15,8 +15,10 @@ from pseudolidar.structures.arrays import UInt8
 # Ticks of a second, as MPEG counts them.
 TICKS_PER_S = 90_000
 # Encoders by preference, with their settings; all but the last make H.264, which browsers play.
+# x264's "mbtree" reads, with AVX-512, what memory happens to hold below a picture whose height is
+# no multiple of 16: 1 film in 70 was of other bytes (docs/decisions.md).
 ENCODERS: dict[str, dict[str, str]] = {
-    "libx264": {"preset": "veryfast", "crf": "23"},
+    "libx264": {"preset": "veryfast", "crf": "22", "mbtree": "0"},
     "libopenh264": {"rc_mode": "quality"},
     "mpeg4": {"qscale": "4"},
 }
