@@ -7,6 +7,8 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Generic, TypeVar
 
+from pseudolidar.viewer.late_thread import LateThread
+
 if TYPE_CHECKING:
     from viser import CameraHandle, ClientHandle, ViserServer
 
@@ -39,7 +41,7 @@ class Browsers(Generic[Looker]):
         self._begin, self._draw, self._name, self._pause_s = begin, draw, name, pause_s
         self.lookers: dict[int, Looker] = {}
         self._awake, self._ended = threading.Event(), threading.Event()
-        self._thread: threading.Thread | None = None
+        self._thread = LateThread(self._run, name)
         server.on_client_connect(self._connected)
         server.on_client_disconnect(self._gone)
 
@@ -51,8 +53,7 @@ class Browsers(Generic[Looker]):
         """Draw nothing more."""
         self._ended.set()
         self._awake.set()
-        if self._thread is not None:
-            self._thread.join()
+        self._thread.close()
 
     def _connected(self, client: ClientHandle) -> None:
         self.lookers[client.client_id] = self._begin(client)
@@ -62,9 +63,7 @@ class Browsers(Generic[Looker]):
             self._awake.set()
 
         client.camera.on_update(moved)
-        if self._thread is None and not self._ended.is_set():
-            self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
-            self._thread.start()
+        self._thread.begin()
         self._awake.set()
 
     def _gone(self, client: ClientHandle) -> None:

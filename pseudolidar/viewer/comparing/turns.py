@@ -6,6 +6,8 @@ import logging
 import threading
 from collections.abc import Callable
 
+from pseudolidar.viewer.late_thread import LateThread
+
 _log = logging.getLogger(__name__)
 
 # How long each is shown, s.
@@ -23,7 +25,7 @@ class Turns:
     def __init__(self, next_turn: Callable[[], None], pace_s: float = PACE_S) -> None:
         self._next, self._pace_s = next_turn, pace_s
         self._wanted, self._ended = threading.Event(), threading.Event()
-        self._thread: threading.Thread | None = None
+        self._thread = LateThread(self._turn, "viewer-turns")
 
     def run(self, *, wanted: bool) -> None:
         """Go on, or rest."""
@@ -31,16 +33,13 @@ class Turns:
             self._wanted.clear()
             return
         self._wanted.set()
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._turn, name="viewer-turns", daemon=True)
-            self._thread.start()
+        self._thread.begin()
 
     def close(self) -> None:
         """End for good."""
         self._ended.set()
         self._wanted.set()
-        if self._thread is not None:
-            self._thread.join()
+        self._thread.close()
 
     def _turn(self) -> None:
         while self._wanted.wait() and not self._ended.wait(self._pace_s):

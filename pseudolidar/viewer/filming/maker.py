@@ -33,22 +33,27 @@ class FilmMaker:
     def __init__(self, film: Callable[[], Film], tell: Callable[[str], None]) -> None:
         self._film, self._tell = film, tell
         self._busy, self._ended = threading.Lock(), threading.Event()
+        self._beginning = threading.Lock()
         self._thread: threading.Thread | None = None
         self.made: bytes | None = None
 
     def ask(self) -> bool:
         """Have a film made; False where one is being made already, or none is made any more."""
-        if self._ended.is_set() or not self._busy.acquire(blocking=False):
-            return False
-        self._thread = threading.Thread(target=self._make, name="film", daemon=True)
-        self._thread.start()
+        with self._beginning:
+            if self._ended.is_set() or not self._busy.acquire(blocking=False):
+                return False
+            thread = threading.Thread(target=self._make, name="film", daemon=True)
+            thread.start()
+            self._thread = thread
         return True
 
     def stop(self) -> None:
         """Make no more films; the one that is being made is given up."""
-        self._ended.set()
-        if self._thread is not None:
-            self._thread.join()
+        with self._beginning:
+            self._ended.set()
+            thread = self._thread
+        if thread is not None:
+            thread.join()
 
     def _make(self) -> None:
         try:
