@@ -240,7 +240,7 @@ def test_claims_of_a_trillion_points_cost_nothing(tmp_path, suffix, body):
         [sys.executable, "-c", CLAIMS, str(path)], capture_output=True, text=True, check=True
     )
     seconds, megabytes = map(float, ended.stdout.split())
-    assert seconds < 1  # 5 ms; to make room for them takes minutes
+    assert seconds < 10  # 5 ms; to make room for them takes minutes
     assert megabytes < 50
 
 

@@ -34,7 +34,7 @@ def test_order_holds_when_early_frames_are_slow(texture_source):
         if frame.index == 2:
             release.set()
         if frame.index == 0:
-            assert release.wait(10)
+            assert release.wait(60)
         return frame.index
 
     done = stream(texture_source(6), first_waits_for_the_third, crew=CrewPlan(2))
@@ -45,7 +45,7 @@ def test_frames_run_at_the_same_time(texture_source):
     both = threading.Barrier(2)
 
     def meet(frame):
-        both.wait(10)
+        both.wait(60)
         return threading.get_ident()
 
     assert len({frame.value for frame in stream(texture_source(2), meet, crew=CrewPlan(2))}) == 2
@@ -108,11 +108,11 @@ def test_leaving_early_finishes_what_has_begun_and_starts_nothing_more(texture_s
         started.append(frame.index)
         if frame.index == 1:
             second.set()
-            assert release.wait(10)
+            assert release.wait(60)
 
     frames = stream(texture_source(50), second_waits, crew=CrewPlan(1))
     next(frames)
-    assert second.wait(10)
+    assert second.wait(60)
     threading.Timer(0.1, release.set).start()
     frames.close()
     assert started == [0, 1]

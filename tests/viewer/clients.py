@@ -68,7 +68,7 @@ def looking(server: GuardedServer) -> Iterator[ClientConnection]:
         client.socket.close()
 
 
-def wait_until(true: Callable[[], bool], *, patience_s: float = 10.0) -> None:
+def wait_until(true: Callable[[], bool], *, patience_s: float = 60.0) -> None:
     end = time.monotonic() + patience_s
     while not true():
         assert time.monotonic() < end, "not in time"

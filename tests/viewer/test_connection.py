@@ -77,7 +77,7 @@ def test_more_connections_than_may_be_are_closed_at_once(
         many = [raw(impatient) for _ in range(60)]
         wait_until(lambda: len(select.select(many, [], [], 0)[0]) >= 60 - MOST)
         impatient.viser.scene.add_frame("/still")
-        assert quick.recv(timeout=5)
+        assert quick.recv(timeout=60)
         for one in many:
             one.close()
     wait_until(lambda: is_served(impatient))
@@ -96,12 +96,12 @@ def test_who_reads_nothing_is_sent_away_and_holds_up_nobody(impatient: GuardedSe
         wait_until(lambda: len(live) == 2)
         began, turns = time.monotonic(), 0
         while len(live) == 2:
-            assert time.monotonic() - began < 5
+            assert time.monotonic() - began < 60
             turns = max(turns, *drawn(handle, 2))
-            assert quick.recv(timeout=5)
+            assert quick.recv(timeout=60)
         assert next(iter(live.values())) is not deaf
         impatient.viser.scene.add_frame("/still")
-        assert quick.recv(timeout=5)
+        assert quick.recv(timeout=60)
     deaf.socket.close()
 
 
@@ -136,7 +136,7 @@ def test_memory_does_not_grow_by_who_reads_nothing(server: GuardedServer):
         own, sizes = psutil.Process(), list[int]()
         for _ in range(3):
             for _ in drawn(handle, 20):
-                assert quick.recv(timeout=5)
+                assert quick.recv(timeout=60)
             sizes.append(own.memory_info().rss)
     deaf.socket.close()
     frame_bytes = POINTS * 15
@@ -200,7 +200,7 @@ def test_who_says_nothing_right_without_end_is_cut_off(server: GuardedServer):
     live = server.viser._websock_server._live_connections
     client = look(server)
     wait_until(lambda: bool(live))
-    ends_s = time.monotonic() + 30
+    ends_s = time.monotonic() + 90
 
     def talk() -> None:
         with suppress(OSError):
@@ -209,7 +209,7 @@ def test_who_says_nothing_right_without_end_is_cut_off(server: GuardedServer):
 
     talking = threading.Thread(target=talk)
     talking.start()
-    wait_until(lambda: not live, patience_s=10)
+    wait_until(lambda: not live)
     client.socket.close()
     talking.join()
 
@@ -237,6 +237,6 @@ def test_not_more_than_sixteen_come_at_the_same_moment(server: GuardedServer):
 
 def _is_served(client: ClientConnection) -> bool:
     try:
-        return bool(client.recv(timeout=5))
+        return bool(client.recv(timeout=60))
     except ConnectionClosed:
         return False

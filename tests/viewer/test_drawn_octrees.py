@@ -60,7 +60,7 @@ def opened_page(app: App, browser: Browser) -> Iterator[Page]:
 
 
 def until(true: Callable[[], bool]) -> None:
-    ends = time.monotonic() + 20
+    ends = time.monotonic() + 60
     while not true():
         assert time.monotonic() < ends
         time.sleep(0.02)

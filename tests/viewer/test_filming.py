@@ -255,7 +255,7 @@ def test_one_film_is_made_at_a_time_and_a_fault_blocks_no_other():
             ended.release()
 
     def film() -> Film:
-        go_on.wait(10)
+        go_on.wait(60)
         if not told[0]:
             raise CloudEmpty("nothing there")
         return Film.of(Opened((Frames(),)), size_px=SMALL)
@@ -264,13 +264,13 @@ def test_one_film_is_made_at_a_time_and_a_fault_blocks_no_other():
     assert maker.ask()
     assert not maker.ask()
     go_on.set()
-    assert ended.acquire(timeout=30)
+    assert ended.acquire(timeout=60)
     assert maker.made is not None
     assert maker.made[4:8] == b"ftyp"
     long = FilmMaker(lambda: Film(MOST_PICTURES + 1, iter(())), tell)
     for _ in range(2):
         assert long.ask()
-        assert ended.acquire(timeout=10)
+        assert ended.acquire(timeout=60)
         long._busy.acquire()
         long._busy.release()
         assert "pseudolidar view PATH --export" in told[-1]
@@ -287,7 +287,7 @@ def test_a_film_that_nobody_waits_for_is_given_up(caplog: pytest.LogCaptureFixtu
 
     maker = FilmMaker(lambda: Film(MOST_PICTURES, endless()), lambda _said: None)
     assert maker.ask()
-    assert begun.wait(10)
+    assert begun.wait(60)
     maker.stop()
     assert maker._thread is not None
     assert not maker._thread.is_alive()

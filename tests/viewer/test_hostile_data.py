@@ -73,9 +73,9 @@ def test_names_are_shown_as_they_are_and_do_nothing(app: App, browser: Browser):
     for index, tab in enumerate(("Compare", "Export", "Help", "Scene")):
         page.get_by_role("tab", name=tab).click()
         app.view.jump(index + 1)
-        page.get_by_text(f"{index + 2} / {len(NAMES)}").wait_for(timeout=10_000)
+        page.get_by_text(f"{index + 2} / {len(NAMES)}").wait_for(timeout=60_000)
     app.points.click(np.zeros(3), np.array([5.0, 0.0, 0.0]))
-    page.get_by_text("range").first.wait_for(timeout=10_000)
+    page.get_by_text("range").first.wait_for(timeout=60_000)
     assert page.get_by_text(HARM).count() >= 3
     assert page.evaluate("window.harmed") is None
     assert page.locator("img[src=x], svg[onload], iframe[srcdoc]").count() == 0

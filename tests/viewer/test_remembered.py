@@ -24,14 +24,14 @@ def test_what_was_begun_by_other_settings_is_not_remembered():
 
     def old(_frame):
         begun.set()
-        go.wait(5)
+        go.wait(60)
         return "old"
 
     sights, frame = RememberedSights(old), object()
     sights.on_change(lambda: told.append("changed"))
     first = threading.Thread(target=lambda: told.append(sights(frame)))
     first.start()
-    assert begun.wait(5)
+    assert begun.wait(60)
     sights.change(lambda _frame: "new")  # waits for nobody
     assert told == ["changed"]
     go.set()

@@ -63,7 +63,7 @@ def drawn_by(names: list[str], draw: Callable[..., None]) -> Callable[..., None]
 
 
 def until(true: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + 10
+    deadline_s = time.monotonic() + 60
     while not true():
         assert time.monotonic() < deadline_s
         time.sleep(0.01)
@@ -81,13 +81,13 @@ def test_the_newest_is_shown_and_what_came_between_is_counted():
     def slow(index: int) -> Moment:
         shown.append(index)
         taking.set()
-        go_on.wait(10)
+        go_on.wait(60)
         return moment(index)
 
     with run_page(Asked(), SOURCE.open(), slow) as page:
         assert page is not None
         page.show(0, 0)
-        taking.wait(10)
+        taking.wait(60)
         for index in (2, 1, 4):  # nobody waits for the page
             page.show(index, index)
         go_on.set()

@@ -131,7 +131,7 @@ def test_websockets_of_others_are_refused_before_they_open(
 def test_a_websocket_of_the_page_is_opened(server: GuardedServer):
     server.viser.scene.add_frame("/there")
     with looking(server) as socket_:
-        assert len(socket_.recv(timeout=10)) > 16
+        assert len(socket_.recv(timeout=60)) > 16
 
 
 def test_not_more_than_sixteen_look_at_once(server: GuardedServer):
@@ -185,7 +185,7 @@ def test_one_that_sends_garbage_is_sent_away_and_others_stay(server: GuardedServ
         else:
             pytest.fail("still listened to")
         server.viser.scene.add_frame("/still")
-        assert quiet.recv(timeout=10)
+        assert quiet.recv(timeout=60)
 
 
 def test_a_client_that_reads_nothing_holds_up_nobody(server: GuardedServer):
@@ -196,7 +196,7 @@ def test_a_client_that_reads_nothing_holds_up_nobody(server: GuardedServer):
         )
         for turn in range(5):
             handle.points = np.full((500_000, 3), turn, np.float32)
-            assert quick.recv(timeout=10)
+            assert quick.recv(timeout=60)
     deaf.socket.close()
 
 

@@ -75,7 +75,7 @@ def test_who_takes_nothing_costs_a_piece_and_is_closed(server: GuardedServer):
     deaf = asked(server, "/long")
     wait_until(lambda: body.made > 0)
     assert get(server, "/own", **cookie(server)).status == 200
-    assert body.ended.wait(10)
+    assert body.ended.wait(60)
     assert body.made < COUNT  # what the network holds, and one more
     deaf.close()
 
@@ -86,7 +86,7 @@ def test_who_goes_away_ends_it(server: GuardedServer):
     client = asked(server, "/long")
     assert client.recv(4096)
     client.close()
-    assert body.ended.wait(10)
+    assert body.ended.wait(60)
     assert body.made < COUNT
 
 
@@ -112,6 +112,6 @@ def test_more_than_may_be_sent_at_once_have_to_come_later(server: GuardedServer)
     for one in deaf:
         one.close()
     wait_until(lambda: all(body.ended.is_set() for body in bodies))
-    end_s = time.monotonic() + 10
+    end_s = time.monotonic() + 60
     while get(server, "/long0", **cookie(server)).status == 503:
         assert time.monotonic() < end_s

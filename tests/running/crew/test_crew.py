@@ -70,7 +70,7 @@ def test_frames_that_hang_are_given_up_and_the_others_done(texture_source, worke
     assert all(isinstance(o.error, FrameTimeout) for o in late)
     assert "within 0.3 s" in str(late[0].error)
     assert "frame 000001" in str(late[0].error)
-    assert took_s < 5
+    assert took_s < 30  # of 60 that they would hang
 
 
 def test_a_queue_is_no_delay(texture_source):

@@ -176,12 +176,12 @@ def test_a_box_that_is_gone_before_it_is_told_tells_nothing(
 
     def late(gatherer: Gatherer, region: Region | None) -> Mapping[str, BoxFigures]:
         begun.set()
-        assert gone.wait(10)
+        assert gone.wait(60)
         return figures(gatherer, region)
 
     monkeypatch.setattr(Gatherer, "figures", late)
     box.put(Region.about(np.zeros(3), np.full(3, 2.0)))
-    assert begun.wait(10)
+    assert begun.wait(60)
     box.put(None)
     gone.set()
     assert settled(box).figures == {}

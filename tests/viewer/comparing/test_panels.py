@@ -130,7 +130,7 @@ def test_a_turn_does_not_undo_what_is_chosen_meanwhile(view: View, monkeypatch: 
     monkeypatch.setattr(beside, "replace", slow)
     turn = threading.Thread(target=panel._next_turn)
     turn.start()
-    assert begun.wait(5)
+    assert begun.wait(60)
     panel._mode.value = ASIDE
     chosen.set()
     turn.join()
@@ -149,7 +149,7 @@ def test_turns_go_on_after_one_that_breaks(caplog: pytest.LogCaptureFixture):
 
     turns = Turns(odd, pace_s=0.01)
     turns.run(wanted=True)
-    assert again.wait(5)
+    assert again.wait(60)
     turns.close()
     assert "a turn was not taken" in caplog.text
 

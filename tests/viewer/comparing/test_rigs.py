@@ -108,7 +108,7 @@ class Fits:
     def __call__(self, seen: Seeing) -> Fit:
         self.count += 1
         self.begun.set()
-        assert self.go.wait(10)
+        assert self.go.wait(60)
         seen(2)
         seen(2)
         return Fit(self.rig, ("fitted",))
@@ -173,7 +173,7 @@ def test_stop_ends_a_fit_that_has_hardly_begun(bench: Bench):
 
 def test_the_end_of_the_viewer_ends_a_fit(bench: Bench):
     bench.panel._ask(REFINED)
-    assert bench.fits.begun.wait(5)
+    assert bench.fits.begun.wait(60)
     closing = threading.Thread(target=bench.panel._work.close)
     closing.start()
     while not bench.panel._overtaken():

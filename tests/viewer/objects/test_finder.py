@@ -29,7 +29,7 @@ class Trial:
     def __call__(self, frame: Frame) -> Objects:
         self.asked.append(frame.index)
         self.begun.release()
-        self.go.acquire(timeout=5)
+        self.go.acquire(timeout=60)
         return Objects(fault=frame.id)
 
 
@@ -57,14 +57,14 @@ def wanted(*indices: int) -> list[tuple[int, Frame]]:
 
 
 def arrive(finder: Finder) -> None:
-    assert finder.arrived.acquire(timeout=5)  # type: ignore[attr-defined]
+    assert finder.arrived.acquire(timeout=60)  # type: ignore[attr-defined]
 
 
 def test_only_the_latest_wish_is_looked_for(finder: Finder, came: list[int]):
     trial = Trial()
     finder.change(trial)
     finder.want(wanted(0, 1, 2))
-    assert trial.begun.acquire(timeout=5)
+    assert trial.begun.acquire(timeout=60)
     finder.want(wanted(7))
     trial.go.release(10)
     arrive(finder)
@@ -77,7 +77,7 @@ def test_what_was_begun_in_another_way_is_not_taken(finder: Finder, came: list[i
     old, new = Trial(), Trial()
     finder.change(old)
     finder.want(wanted(0))
-    assert old.begun.acquire(timeout=5)
+    assert old.begun.acquire(timeout=60)
     finder.change(new)
     old.go.release()
     finder.want(wanted(1))

@@ -243,7 +243,7 @@ def test_the_last_wish_is_the_one_that_is_looked_for(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(watch._finder, "change", change)
     first = threading.Thread(target=watch.ask, args=[LABELS])
     first.start()
-    assert begun.wait(5)
+    assert begun.wait(60)
     watch.ask(replace(LABELS, corridor=None))
     asked.set()
     first.join()
