@@ -12,6 +12,7 @@ from pseudolidar.geometry.quaternion import quaternion_wxyz
 from pseudolidar.structures.arrays import AnyArray, Float32, Float64, UInt8
 from pseudolidar.structures.cloud import PointCloud
 from pseudolidar.viewer.colouring import Colouring, Scale
+from pseudolidar.viewer.kept_shader import keep_shader
 from pseudolidar.viewer.moment import Moment, Sight
 from pseudolidar.viewer.objects.lines import coloured
 from pseudolidar.viewer.octree.tree import Octree
@@ -63,6 +64,7 @@ class Stage:
     def __init__(self, server: ViserServer) -> None:
         self._server, self._scene = server, server.scene
         self._scene.set_up_direction("+z")
+        keep_shader(self._scene)
         self._map = self._scene.add_frame(MAP, show_axes=False)
         self._rig = self._scene.add_frame(RIG, axes_length=1.0, axes_radius=0.02)
         self._clouds: dict[str, Any] = {}

@@ -30,6 +30,15 @@ from pseudolidar.viewer.reel import SourceReel
 from tests.viewer.clients import wait_until
 from tests.viewer.seen import page_within, pixels_of, screenshot
 
+# For a browser without a GPU to draw what it was sent, ms.
+SETTLE_MS = 1000
+# Counts in the page how many shaders were linked.
+COUNT_SHADERS = """{
+    const own = WebGL2RenderingContext.prototype, link = own.linkProgram;
+    window.linked = 0;
+    own.linkProgram = function (program) { window.linked++; return link.call(this, program); };
+}"""
+
 
 @pytest.fixture(scope="module")
 def app() -> Iterator[App]:
@@ -48,6 +57,7 @@ def opened_page(app: App, browser: Browser) -> Iterator[Page]:
     """One page for all: to draw without a GPU takes long."""
     context = browser.new_context(viewport={"width": 1000, "height": 640})
     page = context.new_page()
+    page.add_init_script(COUNT_SHADERS)
     page.goto(app.url)
     page.get_by_text(re.compile(r"\d / 4")).wait_for(timeout=60_000)
     yield page
@@ -85,11 +95,15 @@ def test_it_steps_scrubs_and_plays(app: App, opened_page: Page):
     shown(opened_page, 1)
     opened_page.get_by_text(">", exact=True).click()
     shown(opened_page, 2)
+    opened_page.wait_for_timeout(SETTLE_MS)
+    linked = opened_page.evaluate("linked")
     opened_page.keyboard.press("j")
     shown(opened_page, 1)
     opened_page.get_by_text("Play", exact=True).click()
     shown(opened_page, 3)
     app.view.play(playing=False)
+    opened_page.wait_for_timeout(SETTLE_MS)
+    assert opened_page.evaluate("linked") == linked > 0  # no shader is compiled for a frame
 
 
 def test_colours_are_chosen(app: App, opened_page: Page):
