@@ -366,9 +366,11 @@ def test_a_chosen_object_stays_in_place(app: App, opened_page: Page):
 def test_the_page_and_the_pages_in_it_are_dark_or_light(app: App, opened_page: Page):
     inner = (pictures(opened_page), objects_page(opened_page))
     opened_page.get_by_role("tab", name="Scene").click()
+    folder = opened_page.get_by_text("Scene", exact=True).nth(1)
+    folder.wait_for(timeout=60_000)
     dark = opened_page.get_by_label("Dark", exact=True)
     if not dark.is_visible():
-        opened_page.get_by_text("Scene", exact=True).last.click()  # the folder
+        folder.click()
     grounds = dict[str, list[str]]()
     for scheme in ("light", "dark"):
         dark.click()
