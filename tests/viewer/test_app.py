@@ -9,26 +9,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page
-from playwright.sync_api import Frame as InnerPage
-from pseudolidar.pipelines.convert import Convert, ConvertFrame, opened
 
-from pseudolidar.clouds.ground_fit import GroundFit
 from pseudolidar.formats.points.ply import read_ply
-from pseudolidar.obstacles.labels import Labels
 from pseudolidar.obstacles.measure import measured
-from pseudolidar.running.matching import MatchFrame, Refining
-from pseudolidar.running.sighting import SMALL_THINGS_KEPT, SightFrame
-from pseudolidar.sources.synthetic import Synthetic
 from pseudolidar.structures.box import Detection
-from pseudolidar.viewer.address import Address
 from pseudolidar.viewer.app import App
 from pseudolidar.viewer.comparing.pool import Pool
 from pseudolidar.viewer.filming.film import Film
-from pseudolidar.viewer.means import Means
 from pseudolidar.viewer.opening import Opened
-from pseudolidar.viewer.reel import SourceReel
 from tests.viewer.clients import wait_until
-from tests.viewer.seen import page_within, pixels_of, screenshot
+from tests.viewer.seen import pixels_of, screenshot
+from tests.viewer.street_app import (
+    HEIGHT_PX,
+    WIDTH_PX,
+    base,
+    objects_page,
+    page_of,
+    pictures,
+    served_street,
+    shown,
+)
 
 # For a browser without a GPU to draw what it was sent, ms.
 SETTLE_MS = 1000
@@ -42,36 +42,15 @@ COUNT_SHADERS = """{
 
 @pytest.fixture(scope="module")
 def app() -> Iterator[App]:
-    job = Convert(Synthetic("street", frames=4, width_px=512))
-    source = opened(job)
-    sighted = SightFrame.of(
-        MatchFrame.load(source, job.matcher, Refining(), SMALL_THINGS_KEPT), GroundFit()
-    )
-    reel = SourceReel(source, ConvertFrame.of(job, source).converted)
-    with App.served(Address(port=0), Opened((reel,)), Means(sighted)) as served:
+    with served_street() as served:
         yield served
 
 
 @pytest.fixture(scope="module")
 def opened_page(app: App, browser: Browser) -> Iterator[Page]:
     """One page for all: to draw without a GPU takes long."""
-    context = browser.new_context(viewport={"width": 1000, "height": 640})
-    page = context.new_page()
-    page.add_init_script(COUNT_SHADERS)
-    page.goto(app.url)
-    page.get_by_text(re.compile(r"\d / 4")).wait_for(timeout=60_000)
-    yield page
-    context.close()
-
-
-def pictures(page: Page) -> InnerPage:
-    inner = page_within(page, "Pictures")
-    inner.wait_for_selector("nav button")
-    return inner
-
-
-def shown(page: Page, number: int) -> None:
-    page.get_by_text(f"{number} / 4").wait_for(timeout=60_000)
+    with page_of(app, browser, COUNT_SHADERS) as page:
+        yield page
 
 
 def test_a_frame_is_shown_with_its_points(app: App, opened_page: Page):
@@ -110,7 +89,7 @@ def test_colours_are_chosen(app: App, opened_page: Page):
     assert app.view.stage.look("stereo").colouring.by == "photo"
     opened_page.get_by_label("Colour").first.click()
     opened_page.get_by_role("option", name="height").first.click()
-    wait_until(lambda: app.view.stage.look("stereo").colouring.by == "height", patience_s=60)
+    wait_until(lambda: app.view.stage.look("stereo").colouring.by == "height")
     opened_page.get_by_text("Blue, red, m").nth(1).wait_for(timeout=60_000)
 
 
@@ -193,7 +172,7 @@ def test_pictures_are_of_the_frame(app: App, opened_page: Page):
         name: size_of(opened_page.request.get(f"{base(app)}picture/view?kind={name}").body())
         for name in names
     }
-    assert set(sizes.values()) == {(512, 155)}
+    assert set(sizes.values()) == {(WIDTH_PX, HEIGHT_PX)}
 
 
 @pytest.mark.parametrize(
@@ -210,10 +189,6 @@ def test_it_is_seen_in_the_browser(opened_page: Page):
     opened_page.wait_for_timeout(1500)
     scene = pixels_of(screenshot(opened_page, "sequence"))[100:, :600].reshape(-1, 3)
     assert len(np.unique(scene // 32, axis=0)) > 30  # many colours: a street, not an empty page
-
-
-def base(app: App) -> str:
-    return app.url.split("?")[0]
 
 
 def size_of(picture: bytes) -> tuple[int, int]:
@@ -274,95 +249,6 @@ def test_shown_clouds_are_taken_away(app: App, opened_page: Page, tmp_path: Path
         assert opened_page.request.get(f"{base(app)}export/cloud?{query}").status == 404
 
 
-def objects_page(page: Page) -> InnerPage:
-    page.get_by_role("tab", name="Obstacles").click()
-    return page_within(page, "Obstacles")
-
-
-def labels_page(app: App, page: Page) -> InnerPage:
-    """The list of what is labelled in the first frame."""
-    app.view.jump(0)
-    shown(page, 1)
-    inner = objects_page(page)
-    page.get_by_label("Detector").click()
-    page.get_by_role("option", name="labels").click()
-    inner.locator("tbody tr").first.wait_for(timeout=60_000)
-    return inner
-
-
-def test_objects_are_listed_as_the_library_measures_them(app: App, opened_page: Page):
-    inner = labels_page(app, opened_page)
-    moment = app.view.moment
-    assert moment is not None
-    assert moment.converted is not None
-    assert app.picture._sights is not None
-    sight = app.picture._sights(moment.converted.frame).sight
-    found = sorted(measured(sight, Labels().load()(sight)), key=lambda one: one.distance_m)
-    rows = inner.locator("tbody tr").all_inner_texts()
-    assert len(rows) == len(found)
-    assert f"{found[0].distance_m:.1f} ± {found[0].sigma_distance_m:.1f}" in rows[0]
-    assert rows[0].startswith(found[0].detection.name)
-    screenshot(opened_page, "obstacles")
-
-
-def test_a_box_in_the_picture_chooses_its_object(app: App, opened_page: Page):
-    """And tells what is in it; boxes can be switched off."""
-    listed, inner = labels_page(app, opened_page), pictures(opened_page)
-    inner.get_by_text("left", exact=True).click()
-    lines = inner.locator("#boxes polyline")
-    objects = app.obstacles.scene.objects
-    lines.nth(len(objects) + len(app.obstacles.scene.truths) - 1).wait_for(
-        state="attached", timeout=60_000
-    )
-    sides = inner.wait_for_selector("#picture").bounding_box()
-    assert sides is not None
-    left, top, right, bottom = objects[0].obstacle.detection.box_px
-    share = 0.5 * (left + right) / 512, (0.3 * top + 0.7 * bottom) / 155
-    at = sides["x"] + share[0] * sides["width"], sides["y"] + share[1] * sides["height"]
-    opened_page.mouse.move(*at)
-    inner.get_by_text(f"{objects[0].name}, {objects[0].distance}").wait_for(timeout=60_000)
-    opened_page.mouse.click(*at)
-    row = listed.locator('tbody tr[aria-selected="true"]')
-    row.wait_for(timeout=60_000)
-    assert row.inner_text().startswith(objects[0].name)
-    assert app.obstacles.scene.chosen == objects[0].key
-    inner.locator("#boxes .chosen").first.wait_for(state="attached", timeout=60_000)
-    inner.get_by_role("button", name="3D").click()
-    screenshot(opened_page, "boxes_in_picture")
-    for switch in ("boxes", "3D"):
-        inner.get_by_role("button", name=switch).click()
-    assert not lines.count()
-    assert not inner.locator("#boxes text").count()
-    inner.get_by_role("button", name="boxes").click()
-    row.click()
-    row.wait_for(state="detached", timeout=60_000)
-
-
-def test_a_chosen_object_stays_in_place(app: App, opened_page: Page):
-    inner = objects_page(opened_page)
-    inner.locator("tbody tr").nth(1).click()
-    inner.locator('tbody tr[aria-selected="true"]').wait_for(timeout=60_000)
-    chosen = app.obstacles.scene.chosen_one
-    assert chosen is not None
-    before = app.view.stage.placement.of_rig(chosen.middle_m)
-    for _ in range(1200):  # drawn with the next tick
-        if app.view.stage.placement.holds:
-            break
-        opened_page.wait_for_timeout(50)
-    app.view.step(1)
-    shown(opened_page, 2)
-    for _ in range(1200):
-        now = app.obstacles.scene.chosen_one
-        if now is not None and np.linalg.norm(now.middle_m - chosen.middle_m) > 0.05:
-            break
-        opened_page.wait_for_timeout(50)
-    assert now is not None
-    assert now.key == chosen.key
-    assert np.allclose(app.view.stage.placement.of_rig(now.middle_m), before, atol=1e-6)
-    opened_page.get_by_label("Hold the chosen").click()
-    wait_until(lambda: not app.view.stage.placement.holds, patience_s=60)
-
-
 def test_the_page_and_the_pages_in_it_are_dark_or_light(app: App, opened_page: Page):
     inner = (pictures(opened_page), objects_page(opened_page))
     opened_page.get_by_role("tab", name="Scene").click()
@@ -387,16 +273,6 @@ def test_the_page_and_the_pages_in_it_are_dark_or_light(app: App, opened_page: P
         assert app.view.dark is (scheme == "dark")
         screenshot(opened_page, scheme)
     assert all(a != b for a, b in zip(grounds["light"], grounds["dark"], strict=True))
-
-
-@pytest.mark.parametrize("key", ["", "track 99", "<b>", "x" * 3000])
-def test_objects_that_are_none_are_not_chosen(app: App, opened_page: Page, key: str):
-    answer = opened_page.request.get(f"{base(app)}obstacles/choose", params={"key": key})
-    assert answer.ok
-    assert answer.json()["chosen"] == ""
-    assert opened_page.request.get(f"{base(app)}picture/choose", params={"key": key}).ok
-    boxes = opened_page.request.get(f"{base(app)}picture/boxes", params={"kind": key})
-    assert boxes.json()["chosen"] == ""
 
 
 def test_a_browser_sends_its_own_view_and_a_film_is_made(app: App, opened_page: Page):

@@ -52,7 +52,7 @@ def test_who_asks_for_many_pictures_holds_up_nobody(app: App):
             send(one, picture, value=True)
         wait_until(lambda: bool(app.export._asked))
         send(other, axes, value=False)
-        wait_until(lambda: not app.view.stage._rig.show_axes, patience_s=60)
+        wait_until(lambda: not app.view.stage._rig.show_axes)
         assert len(app.export._asked) == 1
     wait_until(lambda: not app.export._asked)  # both are gone: the next picture may be asked for
 

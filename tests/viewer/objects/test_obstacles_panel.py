@@ -56,9 +56,9 @@ def panel(server, sights) -> Iterator[ObstaclesPanel]:
 
 def test_what_is_seen_otherwise_is_found_anew(panel, sights):
     panel._kind.value = "labels"
-    wait_until(lambda: "first" in panel.scene.text, patience_s=60)
+    wait_until(lambda: "first" in panel.scene.text)
     sights.change(refusing("second"))
-    wait_until(lambda: "second" in panel.scene.text, patience_s=60)
+    wait_until(lambda: "second" in panel.scene.text)
 
 
 def test_a_detector_is_loaded_once_for_its_settings(panel, monkeypatch):
