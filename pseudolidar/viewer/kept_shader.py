@@ -18,12 +18,12 @@ def keep_shader(scene: SceneApi) -> None:
     """Draw two points where nobody looks.
 
     viser's page makes a new material for every cloud whose colours change, and three.js deletes a
-    compiled shader with the last material that uses it: each frame of a sequence was compiled
-    anew, which took 9 tenths of a browser's time (docs/viewer.md). This one never changes.
+    compiled shader with the last material that uses it: it was compiled anew for each frame of a
+    sequence, most of the time of the page (docs/viewer.md). This cloud never changes.
 
     Args:
         scene: of all browsers.
     """
-    points = np.full((2, 3), BEYOND_M, np.float32)
+    points = np.full((2, 3), BEYOND_M, np.float32)  # beyond what float16 can hold
     colours = np.zeros((2, 3), np.uint8)  # one for each: a single colour is another shader
-    scene.add_point_cloud(NODE, points, colours, point_size=0.01, precision="float32")
+    scene.add_point_cloud(NODE, points, colours, precision="float32")

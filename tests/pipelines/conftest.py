@@ -1,4 +1,7 @@
-"""A small drive on the disk: random texture, the right eye shifted by a known disparity."""
+"""Small drives on the disk, and rendered frames that verbs share.
+
+A drive is random texture, the right eye shifted by a known disparity.
+"""
 
 from __future__ import annotations
 

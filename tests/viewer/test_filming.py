@@ -276,6 +276,17 @@ def test_one_film_is_made_at_a_time_and_a_fault_blocks_no_other():
         assert "pseudolidar view PATH --export" in told[-1]
 
 
+def test_films_can_be_stopped_while_one_begins(slow_starts: threading.Event):
+    maker = FilmMaker(lambda: Film.of(Opened((Frames(),)), size_px=SMALL), lambda _said: None)
+    asking = threading.Thread(target=maker.ask)
+    asking.start()
+    assert slow_starts.wait(60)
+    maker.stop()
+    asking.join()
+    assert not [thread for thread in threading.enumerate() if thread.name == "film"]
+    assert not maker.ask()
+
+
 def test_a_film_that_nobody_waits_for_is_given_up(caplog: pytest.LogCaptureFixture):
     begun = threading.Event()
 

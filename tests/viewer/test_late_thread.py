@@ -3,26 +3,8 @@
 from __future__ import annotations
 
 import threading
-import time
-
-import pytest
 
 from pseudolidar.viewer.late_thread import LateThread
-
-
-@pytest.fixture
-def slow_starts(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
-    """Threads begin slowly from now on; set when one of them begins to."""
-    beginning, start = threading.Event(), threading.Thread.start
-
-    def slowly(thread: threading.Thread) -> None:
-        if thread.name == "late":
-            beginning.set()
-            time.sleep(0.1)
-        start(thread)
-
-    monkeypatch.setattr(threading.Thread, "start", slowly)
-    return beginning
 
 
 def test_it_can_be_ended_while_it_begins(slow_starts: threading.Event):
